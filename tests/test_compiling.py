@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -201,6 +202,9 @@ except ZeroDivisionError as error:
 OFTEN = "from isel_twin.base import compiling; compiling.OFTEN = 1"
 
 
+DICT = pickle.dumps({"of": "another program"})
+
+
 def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
     """From the second process on, until it is called often, for the types it was compiled for, and as long as no file
     that it contains has changed (numba asks only for the function's own); what it cannot do is numba's, and so are
@@ -228,6 +232,14 @@ def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
     (code,) = (tmp_path / "cache").glob("kept.total-*.o")
     code.write_bytes(code.read_bytes()[:100])
     assert told(CALLS, by=3) == [f"{changed} True"]
+    for damaged in (lambda found: found[:100], lambda _: b"", lambda _: b"\xff of another program", lambda _: DICT):
+        for file in (tmp_path / "cache").rglob("kept.total-*"):
+            file.write_bytes(damaged(file.read_bytes()))
+        assert told(CALLS, by=3) == [f"{changed} True"]
+        assert told(CALLS, by=3) == [f"{changed} False"], "made anew"
+    for stamp in (tmp_path / "cache").rglob("*.drives"):
+        stamp.write_bytes(b"\xff\xfe")
+    assert told(OFTEN + CALLS, by=3) == [f"{changed} True"]
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from pathlib import Path
 from typing import Literal
 
-from isel_twin.base.files import replacing
+from isel_twin.base.files import atomic_write
 
 Interface = Literal["serial", "steps"]
 
@@ -31,7 +30,6 @@ def build(path: Path, interface: Interface) -> None:
     base, name = _MODELS[interface]
     with tempfile.TemporaryDirectory(prefix="isel-twin-") as folder:
         script = Path(folder) / f"isel_twin_{interface}.py"
-        script.write_text(_SCRIPT.format(base=base, name=name), encoding="utf-8")
+        atomic_write(script, _SCRIPT.format(base=base, name=name).encode())
         made = FmuBuilder.build_FMU(script, folder, canGetAndSetFMUState=True, canSerializeFMUState=True)
-        with replacing(path) as temporary:
-            shutil.copyfile(made, temporary)
+        atomic_write(path, Path(made).read_bytes())

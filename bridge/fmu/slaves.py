@@ -29,6 +29,7 @@ from pythonfmu3.unit import Unit
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.spec import TwinSpec
+from isel_twin.core.state import StateError
 from isel_twin.core.twin import Twin
 from isel_twin.language import set_points_language
 from isel_twin.version import VERSION
@@ -147,7 +148,13 @@ class _TwinSlave(Fmi3Slave):
     def _set_fmu_state(self, state: bytes) -> None:
         """Raises StateError for a state of another machine or controller, and changes nothing. A pickle runs code:
         states of strangers are not to be loaded."""
-        self._take(pickle.loads(state))
+        try:
+            given = {**pickle.loads(state)}
+            if not {"values", "applied", "time", "twin"} <= given.keys():
+                raise ValueError
+        except Exception:  # damaged bytes raise anything
+            raise StateError("this is no state of an FMU of isel-twin, or a damaged one") from None
+        self._take(given)
 
     @staticmethod
     def _fmu_state_to_bytes(state: bytes) -> bytes:

@@ -12,13 +12,14 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from isel_twin.base.errors import one_line
+from isel_twin.base.files import alone, atomic_write, create
 
 MODULES = Path("/usr/lib/linuxcnc/modules")
 HEADERS = Path(os.environ.get("ISEL_TWIN_LINUXCNC", "/usr/include/linuxcnc"))
@@ -140,11 +141,11 @@ class Session:
             raise LinuxCncError(lacking())
         self._patience_s = patience_s
         with ExitStack() as stack:
-            stack.enter_context(_only_one())
+            stack.enter_context(alone(Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock"))
             self.folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="isel-twin-linuxcnc-")))
-            self.folder.chmod(0o777)  # for the realtime part, which runs as nobody if root starts it
             self._fill(ini, address.rpartition(":")[2], scale, keep)
-            log = stack.enter_context(open(self.folder / LOG, "wb"))
+            log = stack.enter_context(create(self.folder / LOG))
+            self.folder.chmod(0o1777)  # for the realtime part, which runs as nobody if root starts it
             self._process = subprocess.Popen(
                 [*self.command, "-r", str(self.folder / ini.name)],
                 env=self._environment(mdi),
@@ -181,16 +182,16 @@ class Session:
         text = changed(ini.read_text(encoding="utf-8", errors="replace"), [hal, *keep])
         for path in ini.parent.iterdir():
             if path.is_file() and path.stat().st_size <= TEXT_BYTES:
-                shutil.copyfile(path, self.folder / path.name)
+                atomic_write(self.folder / path.name, path.read_bytes())
             else:
                 (self.folder / path.name).symlink_to(path.resolve())
-        (self.folder / ini.name).write_text(text, encoding="utf-8")
+        atomic_write(self.folder / ini.name, text.encode())
         port_and_scale = {"port=7800": f"port={port}", "scale=320,320,320": f"scale={','.join(map(str, scale))}"}
         for path in (KIT / name for name in (hal, "isel4030_nets.hal", "session.py", "rows_by_sampler.py")):
             text = path.read_text(encoding="utf-8")
             for old, new in port_and_scale.items():
                 text = text.replace(old, new)
-            (self.folder / path.name).write_text(text, encoding="utf-8")
+            atomic_write(self.folder / path.name, text.encode())
             (self.folder / path.name).chmod(0o755)
 
     def _environment(self, mdi: str) -> Mapping[str, str]:
@@ -214,17 +215,3 @@ class Session:
                 self._process.wait()
         with suppress(subprocess.TimeoutExpired):
             subprocess.run(["halrun", "-U"], capture_output=True, check=False, timeout=GRACE_S)
-
-
-@contextmanager
-def _only_one() -> Iterator[None]:
-    """Wait until no other session runs on this computer."""
-    import fcntl  # LinuxCNC is for Linux
-
-    path = Path(tempfile.gettempdir()) / "isel-twin-linuxcnc.lock"
-    with suppress(FileExistsError):
-        os.close(os.open(path, os.O_CREAT | os.O_EXCL, 0o644))
-        path.chmod(0o644)  # whatever the umask: the lock is for all users
-    with open(path) as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

@@ -3,7 +3,6 @@ channel with a certificate that is made the first time. Nobody may write (bridge
 
 from __future__ import annotations
 
-import os
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,5 +85,5 @@ def _make(folder: Path) -> None:
     use = [ExtendedKeyUsageOID.SERVER_AUTH]
     made = cert_gen.generate_self_signed_app_certificate(key, "isel-twin", {}, names, use, DAYS)
     atomic_write(folder / CERTIFICATE, made.public_bytes(Encoding.DER))
-    with replacing(folder / KEY) as temporary, open(os.open(temporary, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as file:
+    with replacing(folder / KEY, 0o600) as file:
         file.write(cert_gen.dump_private_key_as_pem(key))

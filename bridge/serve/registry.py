@@ -26,8 +26,12 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Any
+
+from isel_twin.base.files import create
+from isel_twin.base.parameters import parse_json
 
 log = logging.getLogger("isel_twin")
 
@@ -94,7 +98,9 @@ def _require_own(ports: Path) -> None:
 def _held(path: Path, text: str) -> IO[str]:
     """A file of this process that is locked from the moment it has its name."""
     temporary = path.with_suffix(".new")
-    file = _made(temporary if sys.platform != "win32" else path)
+    made = temporary if sys.platform != "win32" else path
+    made.unlink(missing_ok=True)  # of a killed process of that number
+    file = TextIOWrapper(create(made, 0o600), encoding="utf-8")
     try:
         _lock(file)
         file.write(text)
@@ -106,13 +112,6 @@ def _held(path: Path, text: str) -> IO[str]:
         temporary.unlink(missing_ok=True)
         raise
     return file
-
-
-def _made(path: Path) -> IO[str]:
-    """A new file; what is left of a killed process of that number goes."""
-    path.unlink(missing_ok=True)
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
-    return open(os.open(path, flags, 0o600), "w", encoding="utf-8")
 
 
 def _lock(file: IO[str]) -> bool:
@@ -148,7 +147,7 @@ def _living(path: Path) -> dict[str, Any] | None:
             if sys.platform != "win32" and _lock(file):
                 path.unlink()
                 return None
-            content = json.load(file)
+            content = parse_json(file.read())
     except (OSError, ValueError):  # it was removed meanwhile, or is being written
         return None
     return content if isinstance(content, dict) and isinstance(content.get("ports"), list) else None

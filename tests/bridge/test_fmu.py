@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -15,7 +16,9 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from isel_twin import Twin
+from isel_twin.bridge.fmu import slaves
 from isel_twin.core.spec import TwinSpec
+from isel_twin.core.state import StateError
 from tests.in_process import isel_twin
 
 START = {"plant": "mujoco", "seed": 3}
@@ -205,6 +208,19 @@ def take_the_state_of_another_machine(model: Model, state: bytes) -> None:
 
 def take_no_state(model: Model, _: bytes) -> None:
     model.fmu.setFMUState(model.fmu.deserializeFMUState(b"no state"))
+
+
+@pytest.mark.parametrize(
+    "state",
+    [b"", pickle.dumps(7), pickle.dumps({"values": {}}), pickle.dumps("x" * 99)[:50]],
+    ids=["empty", "a number", "parts", "truncated"],
+)
+def test_a_damaged_state_is_one_line(state: bytes) -> None:
+    slave = slaves.StepsTwin(instance_name="steps", resources=".")
+    before = dict(slave.values)
+    with pytest.raises(StateError, match=r"^this is no state of an FMU of isel-twin, or a damaged one$"):
+        slave._set_fmu_state(state)
+    assert slave.values == before
 
 
 def ask_for_another_kind(model: Model, _: bytes) -> None:

@@ -226,7 +226,7 @@ def test_a_session_has_a_folder_of_its_own_and_leaves_the_users_alone(pretending
     for line in ("session.py -rwxr-xr-x", "long.ngc lrwxrwxrwx", "macros lrwxrwxrwx"):
         assert f"log: {line}" in told
     as_nobody = f"65534 {session.folder}/fifo" if os.geteuid() == 0 else " "
-    assert f"log: drwxrwxrwx {as_nobody}" in told, "open to the realtime part, which is no root"
+    assert f"log: drwxrwxrwt {as_nobody}" in told, "open to the realtime part, which is no root; what is there stays"
     assert "HALFILE = isel4030_sampler.hal" in told, "the component is not installed"
     assert "HALFILE = pendant.hal" in told
     reader = "loadusr -Wn isel-twin ./rows_by_sampler.py port=1234 scale=400,320,1000 period=[EMCMOT]SERVO_PERIOD"

@@ -13,6 +13,7 @@ import pytest
 import serial
 
 from isel_twin.bridge.serve import registry
+from isel_twin.cli import ports
 from tests.forked import PATIENCE_S, run, start, start_anew
 from tests.in_process import isel_twin
 
@@ -174,3 +175,14 @@ def test_a_link_within_ones_own_folder_is_not_followed(shared: Path, tmp_path: P
     with registry.registered({"ports": []}):
         assert len(registry.served()) == 1
     assert mine.read_text() == "precious"
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b"[]", b"\xff", b"[" * 99999, b'{"ports": 7}', b'{"ports": [7]}'])
+def test_a_damaged_entry_of_a_running_server_is_passed_over(
+    shared: Path, content: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with registry.registered({"ports": []}):
+        (file,) = shared.iterdir()
+        file.write_bytes(content)
+        assert ports.ports() == 0
+    assert "served now: none" in capsys.readouterr().out

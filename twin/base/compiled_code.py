@@ -24,6 +24,7 @@ from numba.np.numpy_support import as_dtype
 
 from isel_twin.base import lowered, object_code
 from isel_twin.base.compile_watch import compiling
+from isel_twin.base.files import atomic_write
 
 log = logging.getLogger("isel_twin")
 
@@ -71,13 +72,13 @@ def drop_stale_code(function: Any, files: tuple[str, ...]) -> None:
         for file in folder.glob(f"{module}.*.nb[ci]"):
             file.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        _stamp(folder, function.__module__).write_text(object_code.digest(files))
+        atomic_write(_stamp(folder, function.__module__), object_code.digest(files).encode())
 
 
 def _fresh(folder: Path, module: str, files: tuple[str, ...]) -> bool:
     """Was the code of a module that a folder holds compiled with these files as they are?"""
     stamp = _stamp(folder, module)
-    return stamp.is_file() and stamp.read_text() == object_code.digest(files)
+    return stamp.is_file() and stamp.read_bytes() == object_code.digest(files).encode()
 
 
 def _stamp(folder: Path, module: str) -> Path:
@@ -130,6 +131,15 @@ class _Cache(FunctionCache):
         if found := _finished(self._py_func, self._files, sig, target_context):
             self.save_overload(sig, found)
         return found
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super()._load_overload(sig, target_context)
+        except OSError:
+            raise
+        except Exception:  # bytes that are no code raise anything
+            _say(f"compiled code in {self.cache_path} is damaged, and is made anew")
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         lowered.keep(self._py_func, self._files, sig, data)
@@ -236,6 +246,15 @@ class _Files(IndexDataCacheFile):
         name = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:15], 16))
         self._save_data(name, data)
         self._save_index({**self._load_index(), key: name})
+
+    def _load_index(self) -> dict[Any, Any]:
+        try:
+            return dict(super()._load_index())
+        except OSError:
+            raise
+        except Exception:  # bytes that are no index raise anything
+            _say(f"compiled code in {self._cache_path} is damaged, and is made anew")
+            return {}
 
     def _load_data(self, name: str) -> Any:
         with open(self._data_path(name), "rb") as file:

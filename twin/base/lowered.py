@@ -26,6 +26,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult, compile_result
 from numba.core.environment import Environment, lookup_environment
 
+from isel_twin.base.files import atomic_write
 from isel_twin.base.object_code import digest
 
 FOLDER: Final = Path(__file__).parents[1] / "lowered"  # of the package
@@ -102,7 +103,7 @@ def keep(function: Callable[..., Any], files: Sequence[str], types: Any, compile
     _, *described, _annotation, reloads, environments = compiled._reduce()
     stamp = digest((function.__code__.co_filename, *files))
     content = stamp, {**known, types: (lowered, *described, reloads, environments)}
-    file.write_bytes(zlib.compress(pickle.dumps(content), 9))
+    atomic_write(file, zlib.compress(pickle.dumps(content), 9))
 
 
 def finished(function: Callable[..., Any], files: Sequence[str], types: Any, target: Any) -> CompileResult | None:
@@ -152,5 +153,8 @@ def _read(file: Path, function: Callable[..., Any], files: Sequence[str]) -> dic
     """The lowered codes of a file by their types; none if there is no such file or the sources are others."""
     if not file.is_file():
         return {}
-    stamp, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
-    return codes if stamp == digest((function.__code__.co_filename, *files)) else {}
+    try:
+        stamp, codes = Unpickler(io.BytesIO(zlib.decompress(file.read_bytes()))).load()
+        return dict(codes) if stamp == digest((function.__code__.co_filename, *files)) else {}
+    except Exception:  # damaged bytes raise anything; then it is compiled
+        return {}

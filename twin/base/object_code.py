@@ -55,8 +55,6 @@ _NEVER_CALLED = {
     "numba_unpickle",
 }
 
-_DAMAGED = EOFError, pickle.UnpicklingError, AttributeError, ImportError, IndexError, TypeError, ValueError
-
 
 class Code(NamedTuple):
     """Object code for one combination of kinds, as it is kept."""
@@ -178,7 +176,7 @@ def _there(symbol: str) -> bool:
 
 
 def _kept(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, Code]:
-    with suppress(OSError, *_DAMAGED):
+    with suppress(Exception):  # no such file, or damaged bytes, which raise anything
         stamp, kept = pickle.loads(_place(function).read_bytes())
         if stamp == _stamp(function, files):
             return {kinds: code for kinds, code in kept.items() if all(map(_there, code.missing))}

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated
 
@@ -113,7 +114,7 @@ def _output(file: Path | None) -> Iterator[IO[str]]:
         return
     with (
         call_errors(file),
-        replacing(file) as temporary,
-        temporary.open("w", encoding="latin-1", errors="replace", newline="\n") as into,
+        replacing(file) as raw,
+        TextIOWrapper(raw, encoding="latin-1", errors="replace", newline="\n") as into,
     ):
         yield into

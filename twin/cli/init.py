@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.files import create
 from isel_twin.cli import options
 from isel_twin.core.spec import MACHINE, TwinSpec
 
@@ -52,8 +53,8 @@ def init(
         path = folder / name
         with call_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
+            with create(path) as file:
+                file.write(text.encode())
     called = "" if controller == TwinSpec.controller else f" --controller {controller}"
     called += "" if example.machine == MACHINE else f" --machine {example.machine}"
     print(f"{len(texts)} files in {folder.resolve()}: " + ", ".join(texts))

@@ -5,14 +5,12 @@ from __future__ import annotations
 import errno
 import logging
 import os
-import re
 import stat
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from isel_twin.base.files import Claim, atomic_write
+from isel_twin.base.files import Claim, atomic_write, remove_left_overs
 
 log = logging.getLogger("isel_twin")
 
@@ -58,7 +56,7 @@ class FlashFile:
         """Store what this twin writes to its flash; an unwritten flash is an empty file. Raises OSError as `hold` does,
         or if the file cannot be written (core/5)."""
         self.hold()
-        _remove_left_overs(self._target)
+        remove_left_overs(self._target)
         if twin.flash != self.image or self.image is None:
             try:
                 self._write(twin.flash or b"")
@@ -102,12 +100,3 @@ def flash_file(twin: HasFlash) -> FlashFile | None:
     """The flash file of this twin, None without one."""
     keeper = getattr(twin.on_flash, "__self__", None)
     return keeper if isinstance(keeper, FlashFile) else None
-
-
-def _remove_left_overs(target: Path) -> None:
-    """Remove temporary files of processes that were killed while they replaced `target`."""
-    left_over = re.compile(rf"\.{re.escape(target.name)}\.\d+(-\d+)?\.tmp")
-    with suppress(OSError):  # a left-over file is no reason to refuse the flash
-        for name in os.listdir(target.parent):
-            if left_over.fullmatch(name):
-                os.unlink(target.parent / name)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import os
+from io import TextIOWrapper
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.files import replacing
@@ -22,7 +23,7 @@ def write_csv(path: str | os.PathLike[str], recorder: Samples) -> None:
     held: dict[tuple[str, str], int | str] = {}
     changes = iter(recorder.changes)
     change = next(changes, None)
-    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+    with replacing(path) as raw, TextIOWrapper(raw, encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(
             ["time_ns"]

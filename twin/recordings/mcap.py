@@ -20,9 +20,9 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from isel_twin.base.files import Claim
+from isel_twin.base.files import Claim, Replacement, open_device
 from isel_twin.language import readable
 from isel_twin.recordings.container import Container
 from isel_twin.recordings.samples import HEADER
@@ -215,40 +215,34 @@ class RecordingWriter:
 class _File:
     """The file of a recording: its head under a temporary name, the rest in its place (recordings/1).
 
-    It is closed in between, as Windows cannot rename an open file. Other than regular files (/dev/stdout) are written
-    directly.
+    Other than regular files (/dev/stdout) are written directly.
     """
 
     def __init__(self, path: Path) -> None:
         self._target = Path(os.path.realpath(path))
         self._claim: Claim | None = None
-        self._temporary: Path | None = None
+        self._new: Replacement | None = None
         self._written = 0
         self.folder: str | None = None  # for files beside it; None: it is no regular file
-        if path.exists() and not path.is_file():
-            self._file: IO[bytes] = open(path, "wb")  # noqa: SIM115  (closed by close())
+        if (device := open_device(path)) is not None:
+            self._file = device
             return
         self._claim = Claim(self._target, name=path)
-        temporary = self._target.with_name(f".{self._target.name}.{os.getpid()}.tmp")
         try:
-            self._file = open(temporary, "wb")  # noqa: SIM115
+            self._new = Replacement(path)
         except BaseException:
             self._claim.release()
             raise
-        self._temporary = temporary
+        self._file = self._new.file
         self.folder = str(self._target.parent)
 
     def put_in_place(self) -> None:
         """Replace the old file, once the head is written."""
-        self._file.flush()
-        if self._temporary is not None:
-            os.fsync(self._file.fileno())
-            self._file.close()
-            if self._target.exists():
-                self._temporary.chmod(self._target.stat().st_mode)
-            self._temporary.replace(self._target)
-            self._temporary = None
-            self._file = open(self._target, "ab")  # noqa: SIM115
+        if self._new is None:
+            self._file.flush()
+        else:
+            self._new.put()
+            self._file = self._new.file
 
     def write(self, data: bytes) -> int:
         self._written += len(data)
@@ -275,8 +269,7 @@ class _File:
         self._let_go()
 
     def _let_go(self) -> None:
-        if self._temporary is not None:
-            with suppress(OSError):
-                self._temporary.unlink()
+        if self._new is not None:
+            self._new.close()
         if self._claim is not None:
             self._claim.release()

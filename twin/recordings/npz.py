@@ -26,7 +26,7 @@ CHUNK = 1 << 18  # ticks expanded at a time
 
 def write_npz(path: str | os.PathLike[str], steps: Steps) -> None:
     """Write a stream. Raises OSError."""
-    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    with replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
         _write_array(archive, "t_ns", "<i8", (len(steps),), (t_ns for t_ns, _ in steps.chunks(CHUNK)))
         shape = len(steps), steps.axes
         _write_array(archive, "delta", steps.dtype.str, shape, (delta for _, delta in steps.chunks(CHUNK)))

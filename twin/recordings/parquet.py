@@ -42,7 +42,7 @@ def write_parquet(path: str | os.PathLike[str], recorder: Samples) -> None:
     history = {key: [c for c in recorder.changes if (c.group, c.name) == key] for key in recorder.names()}
     empty = _columns(np.empty(0, dtype=recorder.dtype), history)
     schema = _told(pa.schema([(name, column.type) for name, column in empty.items()]))
-    with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+    with replacing(path) as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
         for piece in recorder.samples(ROWS):
             writer.write_table(pa.Table.from_arrays(list(_columns(piece, history).values()), schema=schema))
 

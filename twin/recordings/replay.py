@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from isel_twin.base.files import atomic_write
 from isel_twin.base.parameters import Place, parse_json
 from isel_twin.base.units import MILLISECOND_NS, SECOND_NS
 from isel_twin.capture.player import NAME as PLAYER
@@ -106,7 +107,7 @@ def spec_of(recorded: Recorded, folder: Path) -> TwinSpec:
         if name == SCENARIO or (slash and kind in (MODEL, FIXTURE)):
             path = folder / (kind if slash else "") / Path(rest or name).name  # no path leads out of the folder
             path.parent.mkdir(exist_ok=True)
-            path.write_bytes(data)
+            atomic_write(path, data)
     try:
         tree = parse_json(files[MACHINE])
         tree["model"] = f"{MODEL}/{Path(tree['model']).name}"

@@ -33,6 +33,7 @@ import itertools
 import os
 from bisect import bisect_left
 from collections.abc import Iterator
+from io import TextIOWrapper
 from operator import itemgetter
 from typing import IO, Any
 
@@ -64,8 +65,8 @@ _Edges = tuple[NDArray[np.int64], NDArray[np.int64]]  # times in ns, rising, and
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
     """Write stream, samples and changes. Raises OSError."""
     with (
-        replacing(path) as temporary,
-        open(temporary, "w", encoding="ascii", errors="replace") as file,
+        replacing(path) as raw,
+        TextIOWrapper(raw, encoding="ascii", errors="replace") as file,
         VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
     ):
         signals: dict[str, Any] = {}

@@ -88,7 +88,7 @@ def write_viewer(path: Path, recorded: Recorded) -> None:
     machine = places(recorded)
     epoch_ns = began_ns(recorded.metadata)
     streams = [_bodies(recorded, machine, epoch_ns), _samples(recorded), _states(recorded), _log(recorded, epoch_ns)]
-    with replacing(path) as temporary, open(temporary, "wb") as file:
+    with replacing(path) as file:
         container = Container(file, f"isel-twin {VERSION}", str(path.parent))
         container.metadata(METADATA, {**recorded.metadata, "kind": "viewer"})
         _write(container, streams, epoch_ns)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import random
+import zlib
 from time import process_time
 
 import pytest
 
-from isel_twin.firmware.bwo900.memory import Memory, read
+from isel_twin.firmware.bwo900.memory import MAGIC, SIZE, Memory, read
 from isel_twin.firmware.bwo900.parameters import Parameters
 from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 
@@ -69,6 +71,22 @@ def test_a_damaged_image_is_noticed(seed: int) -> None:
         del image[draw.randrange(len(image)) :]
     assert read(bytes(image))[2]
     assert not read(bytes(image))[1]
+
+
+NONE: dict[str, object] = {"q": [], "status": [], "programs": []}
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        *([], 7, {}, {**NONE, "q": 7}, {**NONE, "q": [[float("inf"), 1.0]]}, {**NONE, "status": [[float("inf"), 1]]}),
+        *({**NONE, "programs": [["P1", "all"]]}, {**NONE, "programs": [["P1", 3]]}, {**NONE, "programs": [[7, 0]]}),
+    ],
+)
+def test_a_head_of_another_program_is_noticed_though_its_checksum_is_right(head: object) -> None:
+    packed = zlib.compress(json.dumps(head).encode())
+    rest = packed + len(packed).to_bytes(SIZE, "little")
+    assert read(MAGIC + zlib.crc32(rest).to_bytes(4, "little") + rest)[2]
 
 
 def test_the_state_of_a_control_does_not_grow_by_its_image() -> None:

@@ -90,12 +90,27 @@ def test_another_machine_has_other_replays(tmp_path: Path, monkeypatch: pytest.M
     assert len({json.loads(line)["key"] for line in journal.read_text().splitlines()}) == 2
 
 
-def test_what_is_no_journal_is_left_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content", [b"@07\n@0R7\n", b"one line without an end", b"\xff\xfe\x00\n", b"[" * 9999 + b"\n"]
+)
+def test_what_is_no_journal_is_left_alone(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "job.txt"
-    file.write_text("@07\n@0R7\n")
-    with pytest.raises(ValueError, match=r"job\.txt: line 1 is no replay; name another file"):
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"job\.txt: is no journal of replays; name another file"):
         Replays(journal=file)
-    assert file.read_text() == "@07\n@0R7\n"
+    assert file.read_bytes() == content
+
+
+def test_damaged_lines_of_a_journal_are_left_out_and_told_once(tmp_path: Path, caplog) -> None:  # type: ignore[no-untyped-def]
+    whole = b'{"key": "a", "values": [1.0, 2.5]}\n'
+    damaged = b'{}\n[]\n{"key": 1, "values": [1.0]}\n{"key": "b", "values": [[1.0]]}\n{"key": "c", "val\n\xff\n'
+    file = tmp_path / "fit.journal"
+    file.write_bytes(damaged + whole + b'{"key": "d", "va')
+    assert {key: list(values) for key, values in Replays(journal=file)._known.items()} == {"a": [1.0, 2.5]}
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{file}: 6 damaged lines are left out; their replays are made again"
+    ]
+    assert file.read_bytes() == whole
 
 
 # Recovery ---

@@ -117,6 +117,28 @@ def test_a_torn_journal_costs_the_torn_row_only(plans: Path) -> None:
     assert [row["row"] for row in read_rows(file)] == [1, 2, 3, 4]
 
 
+def test_damaged_lines_of_a_journal_cost_their_rows_only_and_are_told_once(
+    plans: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    read = load_plan(plans / "small.toml")
+    wanted, file = points(read), plans / "t.parquet"
+    with Table(file, read, wanted) as table:
+        rows = [table.add(point, OUTCOME) for point in wanted[:2]]
+    whole = dict(rows[0], row=3, point=wanted[2].id)
+    damaged = [
+        {}, [], 7, None, {"point": []}, {"point": wanted[3].id}, {**whole, "point": 4}, {**whole, "commands": "many"},
+        {**whole, "cycle_s": []}, {"point": "of another program"},
+    ]  # fmt: skip
+    lines = [json.dumps(row).encode() for row in (*damaged, whole)] + [b"\xff\xfe", b"[" * 9999, b""]
+    journal_of(file).write_bytes(b"\n".join(lines))
+    with Table(file, read, wanted) as table:
+        assert [point.number for point in table.missing()] == [4, 5, 6, 7, 8]
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{journal_of(file)}: 12 damaged lines are left out; their rows are computed again"
+    ]
+    assert {name: read_rows(file)[2][name] for name in OUTCOMES} == OUTCOME
+
+
 def test_files_as_they_are_after_each_row_hold_all_rows(plans: Path) -> None:
     """What a kill would leave: the journal has been emptied several times by then."""
     change(plans / "small.toml", "seeds = 2", "seeds = 20")

@@ -66,7 +66,7 @@ def read(flash: bytes | None) -> tuple[Parameters, Store, bool]:
     if flash is not None:
         try:
             return *_unpacked(flash), False
-        except (ValueError, KeyError, TypeError, zlib.error, ProgramError):
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, zlib.error, ProgramError):
             pass
     parameters = Parameters()
     for number, value in {**FACTORY_FUNCTIONS, **FACTORY_OVERRIDES}.items():

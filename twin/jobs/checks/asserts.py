@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.files import atomic_write
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.paths import arc, from_path, since_left
 from isel_twin.jobs.checks.watched import Command, Heard, JobRun, Watched
@@ -378,7 +379,7 @@ def assert_golden(seen: Watched, file: str | os.PathLike[str] | None = None, *, 
     call = origin.with_(machine=machine.name)
     now = called(run.golden, call, run.job, path)
     if update:
-        path.write_text(dumps(now), encoding="utf-8")
+        atomic_write(path, dumps(now).encode())
         return
     if not path.is_file():
         raise GoldenError(f"{path}: there is no golden run; make it with isel-twin golden record {run.job}")

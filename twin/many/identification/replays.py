@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import logging
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.crew import Crew, in_order
+from isel_twin.base.files import appending, atomic_write
+from isel_twin.base.parameters import parse_json
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import numbers
 from isel_twin.many.identification.session import Session, predict
@@ -27,6 +30,10 @@ from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.version import VERSION
 
 Floats = NDArray[np.float64]
+log = logging.getLogger("isel_twin")
+
+_BEGINS = b'{"key": "'  # a line of a journal
+
 Call = tuple[Session, Machine, tuple[Unknown, ...], list[float]]
 
 
@@ -66,7 +73,7 @@ class Replays:
     def _keep(self, key: str, values: Floats) -> None:
         self._known[key] = values
         if self._journal is not None:
-            with self._journal.open("a", encoding="utf-8") as file:
+            with appending(self._journal) as file:
                 file.write(json.dumps({"key": key, "values": values.tolist()}) + "\n")
 
 
@@ -98,14 +105,24 @@ def _session_key(session: Session) -> str:
 
 
 def _read(journal: Path) -> dict[str, Floats]:
-    found: dict[str, Floats] = {}
-    lines = journal.read_text(encoding="utf-8").split("\n") if journal.exists() else [""]
-    for number, line in enumerate(lines[:-1], 1):
-        try:
-            content = json.loads(line)
-            found[content["key"]] = np.array(content["values"], dtype=np.float64)
-        except (ValueError, KeyError, TypeError):
-            raise ValueError(f"{journal}: line {number} is no replay; name another file for the journal") from None
-    if lines[-1]:  # torn off by a kill
-        journal.write_text("".join(f"{line}\n" for line in lines[:-1]), encoding="utf-8")
-    return found
+    """The replays of a journal; damaged lines are left out. Raises ValueError for another file, which stays."""
+    lines = journal.read_bytes().split(b"\n") if journal.exists() else [b""]
+    kept = [(line, replay) for line in lines[:-1] if (replay := _replay(line)) is not None]
+    torn = lines[-1]  # by a kill
+    if not kept and not (lines == [torn] and (torn.startswith(_BEGINS) or _BEGINS.startswith(torn))):
+        raise ValueError(f"{journal}: is no journal of replays; name another file for the journal")
+    if damaged := len(lines) - 1 - len(kept):
+        log.warning("%s: %d damaged lines are left out; their replays are made again", journal, damaged)
+    if damaged or torn:
+        atomic_write(journal, b"".join(line + b"\n" for line, _ in kept))
+    return dict(replay for _, replay in kept)
+
+
+def _replay(line: bytes) -> tuple[str, Floats] | None:
+    """Key and values in a line of a journal; None if it is damaged."""
+    try:
+        content = parse_json(line)
+        values = np.array(content["values"], dtype=np.float64)
+    except (ValueError, KeyError, TypeError):
+        return None
+    return (content["key"], values) if isinstance(content.get("key"), str) and values.ndim == 1 else None

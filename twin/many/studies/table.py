@@ -16,13 +16,14 @@ The metadata of each column have `key`, `unit` ("1": a count; none for text) and
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.base.files import Claim, replacing
+from isel_twin.base.files import Claim, appending, replacing
+from isel_twin.base.parameters import parse_json
 from isel_twin.many.studies.row import OUTCOMES, Point
 from isel_twin.version import VERSION
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from isel_twin.many.studies.plan import Plan
+
+log = logging.getLogger("isel_twin")
 
 MOST_WAITING = 10_000  # most rows in the journal
 PART_WAITING = 16  # and at most one in this many rows of the table
@@ -56,8 +59,8 @@ class Table:
             try:
                 self._take_in()
                 self._write()
-                journal_of(file).write_bytes(b"")
-                self._journal = journal_of(file).open("a", encoding="utf-8")  # append also after it was emptied
+                self._journal = appending(journal_of(file))  # also after it was emptied
+                self._journal.truncate(0)
             except BaseException:
                 self._claim.release()
                 raise
@@ -108,11 +111,15 @@ class Table:
         found: dict[str, Mapping[str, Any]] = {}
         if self.file.exists():
             found |= {row["point"]: row for row in read_rows(self.file)}
-        if journal_of(self.file).exists():
-            for line in journal_of(self.file).read_bytes().split(b"\n")[:-1]:  # the last line may be incomplete
-                with suppress(ValueError):  # any line may be damaged after a power cut; its row is computed again
-                    row = json.loads(line)
-                    found[row["point"]] = row
+        waiting, damaged = journal_of(self.file), 0
+        if waiting.exists():
+            for line in waiting.read_bytes().split(b"\n")[:-1]:  # the last line may be incomplete
+                if (computed := _journal_row(line)) is not None:
+                    found[computed["point"]] = computed
+                else:
+                    damaged += 1
+            if damaged:  # as after a power cut
+                log.warning("%s: %d damaged lines are left out; their rows are computed again", waiting, damaged)
         if strange := sum(point not in self._points for point in found):
             raise CallError(
                 f"{self.file}: {strange} of {len(found)} rows are not of this plan: job, machine, scenario, values "
@@ -129,9 +136,22 @@ class Table:
         rows = sorted(self.rows.values(), key=lambda row: row["row"])
         columns = [[row[name] for row in rows] for name in self._schema.names]
         arrays = [pa.array(column, kind) for column, kind in zip(columns, self._schema.types, strict=True)]
-        with replacing(self.file) as temporary:
-            pq.write_table(pa.table(arrays, schema=self._schema), temporary, compression="zstd")
+        with replacing(self.file) as file:
+            pq.write_table(pa.table(arrays, schema=self._schema), file, compression="zstd")
         self._waiting = 0
+
+
+def _journal_row(line: bytes) -> dict[str, Any] | None:
+    """The row in a line of a journal; None if it is damaged."""
+    kinds: dict[str, type | tuple[type, ...]] = {"bool": bool, "int64": int, "float64": (int, float), "string": str}
+    try:
+        row: dict[str, Any] = parse_json(line)
+        whole = isinstance(row["point"], str) and all(
+            row[name] is None or isinstance(row[name], kinds[kind]) for name, (kind, *_) in OUTCOMES.items()
+        )
+    except (ValueError, TypeError, KeyError):
+        return None
+    return row if whole else None
 
 
 def read_rows(file: Path) -> list[dict[str, Any]]:
