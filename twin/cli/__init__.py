@@ -31,6 +31,7 @@ from contextlib import ExitStack
 from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError, ValidationError
 
 from isel_twin.base.errors import CallError, one_line
+from isel_twin.base.printable import ShownStream, shown, shown_line
 from isel_twin.cli.interruption import until_told
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
@@ -72,6 +73,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
     if ours:
         _open_standard_files()
+        sys.stdout, sys.stderr = ShownStream(sys.stdout), ShownStream(sys.stderr)  # type: ignore[assignment]
         gc.set_threshold(YOUNG)
         os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging
@@ -113,7 +115,7 @@ def _run(tokens: Sequence[str]) -> int:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
         for line in getattr(error, "excerpt", "").splitlines():
-            print(f"    {line}", file=sys.stderr)
+            print(f"    {shown(line)}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # the reader of the output is gone, for example `| head`
@@ -132,7 +134,7 @@ def _run(tokens: Sequence[str]) -> int:
 
 
 def _say(code: int, text: str) -> int:
-    print(f"isel-twin: {one_line(text)}", file=sys.stderr)
+    print(f"isel-twin: {shown_line(one_line(text))}", file=sys.stderr)
     return code
 
 
