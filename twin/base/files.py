@@ -27,6 +27,7 @@ log = logging.getLogger("isel_twin")
 
 _numbers = itertools.count()
 _WINDOWS = os.name == "nt"
+_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], bare: bool = False) -> str:
@@ -43,28 +44,41 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path to write to. It replaces `path` when the block ends and is removed if the block raises.
 
     A symbolic link is followed, so the link stays and its target is replaced. Devices and pipes (/dev/stdout) cannot be
-    replaced and are written to directly. Raises OSError.
+    replaced and are written to directly. Raises OSError, which names the path.
     """
     given, target = Path(path), Path(os.path.realpath(path))
     if given.exists() and not given.is_file():  # a pipe behind /dev/stdout has no path of its own
         if given.is_dir():
             raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(path))
-        yield given
+        with _full_disk_names(path):
+            yield given
         return
     temporary = target.with_name(f".{target.name}.{os.getpid()}-{next(_numbers)}.tmp")
     try:
-        yield temporary
+        with _full_disk_names(path):
+            yield temporary
         if target.exists():
             temporary.chmod(target.stat().st_mode)
         _flush(temporary)
         temporary.replace(target)
         _flush(target.parent)
     except OSError as error:
-        if error.filename is not None and Path(error.filename) == temporary:
-            error.filename = str(path)  # the name that the user gave
+        if str(temporary) in (str(error.filename), str(error.filename2)):
+            error.filename, error.filename2 = str(path), None  # the name that the user gave
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _full_disk_names(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Give the error of a full disk, which knows a descriptor and no file, this path for its name."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno in _FULL:
+            error.filename = str(path)
+        raise
 
 
 def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:

@@ -122,7 +122,7 @@ def _run(tokens: Sequence[str]) -> int:
         sys.stderr.close()
         code = 1
     except OSError as error:  # standard output cannot be written, for example a full disk
-        code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
+        code = _say(2, f"{error.filename2 or error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # else the interpreter tries to flush it again
     except RuntimeError as error:
         from isel_twin.plant import PlantError  # only now: most commands that fail have not needed it

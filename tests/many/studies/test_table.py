@@ -20,6 +20,7 @@ from isel_twin.many.studies.row import OUTCOMES
 from isel_twin.many.studies.table import Table, journal_of, read_rows
 from tests import forked
 from tests.forked import PATIENCE_S
+from tests.full_disk import full_disk
 
 OUTCOME = {**dict.fromkeys(OUTCOMES), "ok": True, "cycle_s": 1.5}
 
@@ -115,6 +116,16 @@ def test_a_torn_journal_costs_the_torn_row_only(plans: Path) -> None:
         assert [point.number for point in table.missing()] == [4, 5, 6, 7, 8]
         table.add(wanted[3], OUTCOME)
     assert [row["row"] for row in read_rows(file)] == [1, 2, 3, 4]
+
+
+def test_a_full_disk_names_the_table(plans: Path) -> None:
+    read = load_plan(plans / "small.toml")
+    wanted, file = points(read), plans / "t.parquet"
+    with Table(file, read, wanted) as table:
+        table.add(wanted[0], OUTCOME)
+        with full_disk(), pytest.raises(CallError, match=f"^{file}: File too large$"):
+            table.add(wanted[1], OUTCOME)
+    assert [row["row"] for row in read_rows(file)] == [1, 2], "the disk had room again"
 
 
 def test_files_as_they_are_after_each_row_hold_all_rows(plans: Path) -> None:
