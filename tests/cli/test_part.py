@@ -92,7 +92,7 @@ def test_a_golden_run_is_not_compared_with_a_part(slot: Path) -> None:
 
 def test_convert_tells_it_beside_the_commands(slot: Path) -> None:
     made = isel_twin("convert", "slot.nc", *PART)
-    assert made.stderr == f"isel-twin: slot.nc: {MISSING} not made\n"
+    assert made.stderr.splitlines()[-1] == f"isel-twin: slot.nc: {MISSING} not made"
     targets = [line.split(",")[0:5:2] for line in made.stdout.splitlines() if line.startswith("@0M")]
     assert targets[-2:] == [["@0M16000", "12800", "2560"], ["@0M16000", "12800", "0"]]
 
@@ -114,9 +114,28 @@ def test_lines_without_a_part_are_one_line_of_refusal(slot: Path, command: str, 
     assert len(made.stderr.splitlines()) == 1
 
 
-def test_lines_of_two_files_are_not_one_part(slot: Path) -> None:
+@pytest.mark.parametrize("off", ["M5", "M6 T2"])
+def test_a_part_behind_what_has_switched_the_spindle_off_fails_as_the_whole_file(slot: Path, off: str) -> None:
+    slot.write_text(SLOT.replace("G0 X10 Y10\n", f"G0 X10 Y10 {off}\n"))
+    for part in ((), ("--from-line", "7"), ("--from-line", "4")):
+        made = isel_twin("check", "slot.nc", *part)
+        assert made.returncode == 1
+        assert "the spindle stands in this cut: line 4 has switched it off" in made.stdout
+
+
+def test_a_part_behind_a_spindle_that_never_turned_says_so_once(slot: Path) -> None:
+    slot.write_text(SLOT.replace("M3 S9000", "M5"))
+    made = isel_twin("check", "slot.nc", "--from-line", "7")
+    assert made.returncode == 0
+    assert made.stdout.count("nothing in it switches a spindle on") == 1
+
+
+@pytest.mark.parametrize("named", [("slot.nc", "other.nc"), (".",), ()], ids=["files", "folder", "project"])
+def test_lines_of_two_files_are_not_one_part(slot: Path, named: tuple[str, ...]) -> None:
     (slot.parent / "other.nc").write_text(SLOT)
-    made = isel_twin("check", "slot.nc", "other.nc", *PART)
+    with (slot.parent / "isel-twin.toml").open("a") as settings:
+        settings.write('[check]\njobs = ["*.nc"]\n')
+    made = isel_twin("check", *named, *PART)
     assert made.returncode == 2
     assert "name one job" in made.stderr
 

@@ -60,7 +60,7 @@ class Turn(NamedTuple):
 
 
 class Limits(Protocol):
-    """What a controller makes."""
+    """Limits of what a controller makes."""
 
     @property
     def low_hz(self) -> float: ...

@@ -1,4 +1,4 @@
-"""What the drilling cycles of all formats have in common."""
+"""Parts that the drilling cycles of all formats share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a CAM program says that a job takes: ways at their feeds, without ramps, corners and clipped speeds."""
+"""Time of a job as a CAM program says it: ways at their feeds, without ramps, corners and clipped speeds."""
 
 from __future__ import annotations
 

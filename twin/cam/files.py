@@ -18,7 +18,7 @@ Words = Iterator[str]
 
 
 class _File:
-    """What holds until it changes: the point, and the feed as it was written."""
+    """State that holds until it changes: the point, and the feed as it was written."""
 
     def __init__(self) -> None:
         self.point: Point = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Where a file's ways lie, and a zero of the work with which they are within the travel.
+"""Extents of a file's ways, and a zero of the work with which they are within the travel.
 
     file, a zero     --- read --->   X 10 .. 60      a coordinate that follows the zero, or stays where it is:
     file, 1 mm more  --- read --->   X 11 .. 61      G53, G28, a zero of its own
@@ -34,7 +34,7 @@ _Ends: TypeAlias = tuple[tuple[float, Place], tuple[float, Place]]  # the same, 
 
 @dataclass(frozen=True)
 class Extents:
-    """How far all motions reach along each axis, in the sense of the counters, mm; None: nowhere."""
+    """Reach of all motions along each axis, in the sense of the counters, mm; None: nowhere."""
 
     work: tuple[_Span | None, ...]  # from the zero, of what follows it
     fixed: tuple[_Ends | None, ...]  # of the machine, of what does not
@@ -179,7 +179,7 @@ def _within(mm: float, least: float, most: float) -> float:
 
 
 def _drawn(found: Extents, axes: MachineAxes, settings: CamSettings) -> str:
-    """What a file draws about its zero, Z as the file has it, and the travel."""
+    """Extents of a file about its zero, Z as the file has it, and the travel, in words."""
     signs = 1, 1, settings.z_sign if settings.file_z_up else -settings.z_sign
     drawn = [_in_words(name, span, sign) for name, span, sign in zip(AXES, found.work, signs, strict=True)]
     travel = [_in_words(name, span, 1) for name, span in zip(AXES, axes.travel_mm, strict=True) if span[0] < span[1]]

@@ -1,5 +1,5 @@
-"""What drives that follow make of a way: they round its corners, and run inside its arcs. Servo axes at a speed v are
-behind by v T, T the inverse of their gain; stepper motors are not.
+"""Drives that follow round the corners of a way, and run inside its arcs. Servo axes at a speed v are behind by v T, T
+the inverse of their gain; stepper motors are not.
 
     corner:  v T d -----.           the part of the lag across the new direction dies away by exp(-t / T) while that
                         | '         across the old one grows by v T (t / T - 1 + exp(-t / T)): both are v T sin / e

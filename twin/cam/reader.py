@@ -1,4 +1,4 @@
-"""What a reader of job files is, and what all readers share: recognition, cautions, plausibility, text from bytes."""
+"""Readers of job files, and what all of them share: recognition, cautions, plausibility, text from bytes."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def _decoded(line: str) -> str:
 
 
 def unusual(number: str) -> str:
-    """Why a number with a decimal comma or an exponent is not read, and how it is written; "" for any other."""
+    """Say why a number with a decimal comma or an exponent is not read, and how it is written; "" for any other."""
     if "," not in number and "e" not in number.lower():
         return ""
     what = "a comma" if "," in number else "an exponent"

@@ -52,7 +52,7 @@ def reader_for(head: str, suffix: str = "") -> Reader | None:
 
 
 def _readers() -> Iterator[Reader]:
-    """Those that load."""
+    """Readers that load."""
     for name in reader_names():
         try:
             yield reader_named(name)

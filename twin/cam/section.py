@@ -61,6 +61,7 @@ class Section:
 
     def __init__(self, lines: LineRange, settings: CamSettings) -> None:
         self.not_made = ""  # lines that were left out, when it is through; "" for a whole file
+        self.spindle_off = 0  # line before the first motion that has switched it off; 0: it turns, or never has
         self._lines = lines
         self._plunge_mm_s = settings.plunge_mm_s
         self._start = self._point = settings.machine_point(settings.start)
@@ -133,11 +134,13 @@ class Section:
         key: Hashable = len(self._held), element.place
         if isinstance(element, Tool):
             key = Tool
+            self._switch(turns=False, line=element.place.line)
             self._held.pop(Spindle, None)
             if self._rpm is not None:
                 self._held[Spindle] = Spindle(element.place, 0, self._rpm)
         elif isinstance(element, Spindle):
             key = Spindle
+            self._switch(turns=bool(element.turns), line=element.place.line)
             before = self._held.get(Spindle)
             wait_s = before.wait_s if isinstance(before, Spindle) and element.turns else 0.0
             self._rpm = self._rpm if element.speed_rpm is None else element.speed_rpm
@@ -154,6 +157,13 @@ class Section:
             self._follow(element)
         self._held.pop(key, None)
         self._held[key] = element
+
+    def _switch(self, *, turns: bool, line: int) -> None:
+        before = self._held.get(Spindle)
+        if turns:
+            self.spindle_off = 0
+        elif isinstance(before, Spindle) and before.turns:
+            self.spindle_off = line
 
     def _follow(self, element: Element) -> None:
         if isinstance(element, Reference):

@@ -1,4 +1,4 @@
-"""What a job file does not say: the [cam] table of isel-twin.toml, or of a machine's folder.
+"""Settings that a job file does not hold: the [cam] table of isel-twin.toml, or of a machine's folder.
 
 [cam]                                # all of it may be left out
 zero = [100, 80, 60]                 # of the workpiece, as the operator reads the counters, mm
@@ -89,7 +89,7 @@ _READ: Mapping[str, Callable[[Any, Place], Any]] = {
 
 @dataclass(frozen=True)
 class CamSettings:
-    """How job files are read and made on this machine. Raises ValueError for values that are not possible.
+    """Settings for reading and making job files on this machine. Raises ValueError for values that are not possible.
 
     Heights of HPGL and of drill files are of the workpiece, Z upwards; all other points are of the machine.
     """

@@ -25,7 +25,7 @@ Point: TypeAlias = tuple[float, float, float]  # X Y Z, mm
 
 
 class Place(NamedTuple):
-    """Where something stands in a file. line, column: from 1. word: as it is written."""
+    """Place of something in a file. line, column: from 1. word: as it is written."""
 
     line: int
     column: int = 1
@@ -81,7 +81,7 @@ class Reference(NamedTuple):
     axes: tuple[int, ...]
 
     def ends(self, at: Point) -> Point:
-        """Where the tool is behind it."""
+        """Place of the tool behind it."""
         x, y, z = (0.0 if axis in self.axes else old for axis, old in enumerate(at))
         return x, y, z
 

@@ -62,7 +62,7 @@ class Commands(Limits, Protocol):
         """The spindle is told its speed by a share of the highest one, by a number, or not at all."""
 
     def begin(self) -> Iterable[str]:
-        """What is sent first: the controller is made ready and referenced."""
+        """First lines: the controller is made ready and referenced."""
 
     def move(self, move: Move) -> Iterable[Written]:
         """Lines for this move, or for moves before it that were held back."""
@@ -73,7 +73,7 @@ class Commands(Limits, Protocol):
         """Lines for the moves that are held back until now."""
 
     def settled(self, place: Place) -> Iterable[Written]:
-        """What lets drives that follow come to rest before the next move. Asked only of machines with such drives."""
+        """Lines with which drives that follow come to rest before the next move; asked of machines with such drives."""
 
     def reference(self, axes: tuple[int, ...]) -> Iterable[str] | None:
         """A reference run of these axes in the midst of a job; None: it makes one before a program only."""
@@ -207,7 +207,7 @@ class _Writer:
                 yield self._cautioned(element)
 
     def _reference(self, run: Reference) -> Iterator[Written]:
-        """Of the axes that there are (language/10)."""
+        """Make a reference run of the axes that there are (language/10)."""
         lines = self._commands.reference(tuple(axis for axis in run.axes if axis < self._axes.count))
         if lines is not None:
             yield from (Written(line, run.place) for line in lines)

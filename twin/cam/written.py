@@ -1,4 +1,4 @@
-"""What a writer of toolpaths is told of the machine, and what it gives: lines of a job with their places."""
+"""The machine as writers of toolpaths are told of it, and what they give: lines of a job with their places."""
 
 from __future__ import annotations
 

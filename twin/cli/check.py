@@ -46,7 +46,7 @@ INTERVAL_NS = 10_000_000  # sampling interval of the pages
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Demands(JobTwin, options.CamOptions):
-    """What jobs are played on, and what they must keep."""
+    """The twin that jobs are played on, and the bounds that they must keep."""
 
     seed: Annotated[
         Whole | None, Parameter(help="A number: seed of power-on positions, switch scatter and bounce.")
@@ -136,7 +136,6 @@ def check(
     asked = demands.asked()
     asked["reading"] = replace(asked["reading"], part=part.lines())
     _check_options(asked, workers)
-    _check_part(jobs, asked)
     if isel_port is not None:
         inside = {"set": demands.set, "report": report, "watch": watch}
         _check_outside(asked, inside, workers)
@@ -146,6 +145,7 @@ def check(
     if settings is not None and not settings.is_file():
         raise CallError(f"{settings}: there is no such file")
     jobs = tuple(chosen(jobs, settings))
+    _check_part(jobs, asked)
     if watch:
         if len(jobs) != 1 or options.is_standard_input(jobs[0]) or junit or sarif or report or workers != 1:
             raise CallError("watch: names one job, and goes without junit, sarif, report and workers", option=True)
@@ -244,7 +244,7 @@ def _check_part(jobs: Sequence[Path], asked: dict[str, Any]) -> None:
     if asked["reading"].part == WHOLE:
         return
     if len(jobs) > 1:
-        raise CallError("from-line, to-line: are lines of one file; name one job", option=True)
+        raise CallError(f"from-line, to-line: are lines of one file, not of {len(jobs)}; name one job", option=True)
     if asked["golden"]:
         raise CallError("golden: a golden run is one of the whole file; leave from-line and to-line out", option=True)
 
@@ -386,7 +386,8 @@ def perform(asked: tuple[Task, Path | None]) -> Report | Unread:
         return Unread(str(task.job), str(error), error.excerpt)
     drawn = None
     if source is not None:
-        drawn = drawing(source.path(), cam_settings(task.job, task.call), task.bounds.contour_mm)
+        made = cam_settings(task.job, task.call)
+        drawn = drawing(source.path(), made, task.bounds.contour_mm, spindle_off=source.spindle_off)
     with ExitStack() as stack:
         watched: list[tuple[Inspection, Recorder]] = []
 

@@ -1,4 +1,4 @@
-"""Which files `check` takes: those named, the job files of a folder, or what isel-twin.toml names."""
+"""Files that `check` takes: those named, the job files of a folder, or what isel-twin.toml names."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _files(job: Path, passed: list[Path]) -> Iterator[Path]:
 
 
 def _of_project(settings: Path | None, passed: list[Path]) -> Iterator[Path]:
-    """What [check] jobs of the settings file names, as seen from here."""
+    """Files that [check] jobs of the settings file names, as seen from here."""
     from isel_twin.jobs import project
     from isel_twin.jobs.checks.settings import jobs_of
 

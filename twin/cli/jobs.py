@@ -32,7 +32,7 @@ SettingsFile = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True)
 class JobTwin:
-    """What jobs are played on; None: as isel-twin.toml says, or by default."""
+    """The twin that jobs are played on; None: as isel-twin.toml says, or by default."""
 
     machine: Annotated[str | None, Parameter(help="Name of a machine, or path of a machine folder.")] = None
     controller: Annotated[str | None, Parameter(help="Name of a controller.")] = None
@@ -131,7 +131,7 @@ def _machine(call: TwinSpec) -> Machine:
 
 
 def cam_settings(job: Path, call: TwinSpec) -> CamSettings:
-    """How a file is made on this machine, by [cam] of the project and of the machine. Raises CallError."""
+    """Settings of a file on this machine, by [cam] of the project and of the machine. Raises CallError."""
     from isel_twin.jobs import project
 
     file = None if is_standard_input(job) else project.find(job)

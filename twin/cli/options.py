@@ -116,7 +116,7 @@ Rfc2217s = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TwinOptions:
-    """Which twin a command builds."""
+    """The twin that a command builds."""
 
     machine: MachineName = MACHINE
     controller: ControllerName = TwinSpec.controller
@@ -174,7 +174,7 @@ NO_LINE = LineOptions()
 @Parameter(name="*")
 @dataclass(frozen=True)
 class CamOptions:
-    """How files of CAM programs are taken."""
+    """Reading of files of CAM programs."""
 
     form: Annotated[
         str | None,

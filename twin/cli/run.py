@@ -133,15 +133,9 @@ def run(
         outputs.tell(unwritten.failures)
         if verdict.interrupted:
             return 128 + stopped[0]
-        sound = True
         if search is not None and (code := _tell_edges(job, made.verdict, search, show)) is not None:
             return code
-        for other in others:
-            told, code = _tell_others(job, made, other, show)
-            if code is not None:
-                return code
-            sound = told and sound
-    return 0 if verdict.ok and sound else 1
+        return _tell_others(job, made, others, show) or int(not verdict.ok)
 
 
 def _golden(job: Path) -> Golden | None:
@@ -212,7 +206,7 @@ class _Others(NamedTuple):
 def _others(
     call: TwinSpec, lines: Sequence[Line], wanted: Mapping[Source, int], workers: int, timeout_s: float
 ) -> list[_Others]:
-    """Those that are wanted, each with the present flash memory. Raises CallError."""
+    """Repetitions that are wanted, each with the present flash memory. Raises CallError."""
     for source, number in wanted.items():
         if number < 0:
             option = "robust" if source == "kind" else "uncertain"
@@ -230,18 +224,23 @@ def _others(
     return others
 
 
-def _tell_others(job: Path, made: Played, others: _Others, show: outputs.JobOutput) -> tuple[bool, int | None]:
-    """Make the repetitions and show them: whether they end as the job, and the exit code if they were interrupted."""
-    with interruption() as stopped:
-        seen = list(others.repeat(stop=lambda: bool(stopped)))
-    cut = bool(stopped) and len(seen) < others.wanted
-    if cut:
-        outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {others.wanted} repetitions")
-    if others.source == "kind":
-        told = show.robust(made.verdict, seen, others.wanted)
-    else:
-        told = show.uncertain(made, seen, others.wanted)
-    return told, 128 + stopped[0] if cut else None
+def _tell_others(job: Path, made: Played, others: Sequence[_Others], show: outputs.JobOutput) -> int:
+    """Make the repetitions and show them: exit code 0 if all end as the job, 1 if not, more if interrupted."""
+    code = 0
+    for other in others:
+        with interruption() as stopped:
+            seen = list(other.repeat(stop=partial(bool, stopped)))
+        cut = bool(stopped) and len(seen) < other.wanted
+        if cut:
+            outputs.say(f"{job_name(job)}: interrupted after {len(seen)} of {other.wanted} repetitions")
+        if other.source == "kind":
+            alike = show.robust(made.verdict, seen, other.wanted)
+        else:
+            alike = show.uncertain(made, seen, other.wanted)
+        if cut:
+            return 128 + stopped[0]
+        code = code if alike else 1
+    return code
 
 
 def _edges(

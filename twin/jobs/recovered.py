@@ -1,4 +1,4 @@
-"""What a host has sent, as a toolpath again: a twin without physics carries it out, and its motions are told.
+"""Commands of a host, as a toolpath again: a twin without physics carries it out, and its motions are told.
 
     bytes ---> twin, each message to its end ---> motions ---> lines, arcs, spindle ---> a file (isel_twin.cam.files)
 
@@ -71,7 +71,7 @@ def _carried_out(messages: Iterable[bytes], twin: Twin, settings: CamSettings) -
 
 
 def _spindle(twin: Twin) -> Spindle:
-    """What the controller asks of the spindle now; its speed as far as it is known."""
+    """Spindle as the controller asks for it now; its speed as far as it is known."""
     outputs, machine = twin.outputs, twin.machine.spindle
     if not outputs.get("spindle"):
         return Spindle(Place(1), 0)
@@ -121,7 +121,7 @@ def _arc(motion: StepRun, path: Circle, at: Floats, steps: Floats, step_mm: Floa
 
 
 def _angle(path: Circle, ticks: int) -> float:
-    """Of the first ticks, up to a full turn; a quarter of a circle has 2 R of them."""
+    """Angle of the first ticks, up to a full turn; a quarter of a circle has 2 R of them."""
     x, y = path.displacement(ticks)[path.plane[0]] + path.xs, path.displacement(ticks)[path.plane[1]] + path.ys
     angle = (math.atan2(y, x) - math.atan2(path.ys, path.xs)) % (2.0 * math.pi)
     whole = 8.0 * math.sqrt(path.squared_radius)

@@ -59,11 +59,12 @@ class Source:
     path: Callable[[], Toolpath] = field(default=lambda: iter(()), repr=False)  # reads the file once more
     not_made: str = ""  # lines of the file that are left out, as a part was asked for
     zero: Point | None = None  # of the work, if the call has asked for one, or for one that fits
+    spindle_off: int = 0  # line that is left out, and has switched the spindle off
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What a call says of files of CAM programs, whatever they look like and their settings say."""
+    """Options of a call for files of CAM programs, whatever they look like and their settings say."""
 
     form: str | None = None  # the format
     zero: Point | Literal["fit"] | None = None  # of the work; "fit": one with which the file is within the travel
@@ -86,7 +87,7 @@ AS_IT_LOOKS = Reading()
 
 
 def machine_axes(machine: Machine) -> MachineAxes:
-    """What a writer of toolpaths has to know; the counters are 0 at the end of the reference run and grow from there
+    """Axes as a writer of toolpaths has them; the counters are 0 at the end of the reference run and grow from there
     (imc/8, ismif/8, gmi99/17).
 
     machine: as the controller changes it (`TwinSpec.fitted`). How far behind its switch an axis comes to its zero is
@@ -129,7 +130,7 @@ def source_of(
     settings: CamSettings,
     reading: Reading = AS_IT_LOOKS,
 ) -> Source | None:
-    """What a file of a CAM program becomes; None for anything else. machine: asked for such a file only. Raises
+    """A file of a CAM program as a job; None for anything else. machine: asked for such a file only. Raises
     JobError, also for a part of anything else (cam/42)."""
     named = reading.form or settings.format or None
     try:
@@ -212,7 +213,8 @@ def converted(
     cautions = (*watched.cautions, *(one.caution for one in made if one.caution is not None))
     zero = None if reading.zero is None else settings.zero
     again = partial(_again, taken, settings, reading.part)
-    told = watched.seconds, watched.of_lines_s, again, watched.section.not_made, zero
+    section = watched.section
+    told = watched.seconds, watched.of_lines_s, again, section.not_made, zero, section.spindle_off
     return Source(reader.title, text, tuple(lines), cautions, *told)
 
 
@@ -261,7 +263,7 @@ QUEUED_S = 0.001  # a command that takes less is only taken in: it is made with 
 
 
 def compared(source: Source, results: Sequence[Result]) -> str:
-    """What CAM would say that the job takes, what it has taken, and where the difference is, in a line."""
+    """Compare what CAM would say that the job takes with what it has taken, and where the difference is, in a line."""
     told = f"{source.title}: {source.seconds:.1f} s by its feeds"
     groups = _groups(source, results)
     if not groups:

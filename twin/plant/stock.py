@@ -122,7 +122,7 @@ def _corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
 
 
 def _ray_mm(model: mujoco.MjModel, data: mujoco.MjData, geom: int, begin: Floats, way: Floats) -> float:
-    """How far it is from a point to a shape; inf: it does not meet it."""
+    """Distance from a point to a shape, mm; inf: it does not meet it."""
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         far_m = mujoco.mj_rayMesh(model, data, geom, begin, way)
     else:

@@ -187,7 +187,7 @@ class PanelJob:
 
     @property
     def shown(self) -> dict[str, Any]:
-        """What browsers are told of it; {} without one."""
+        """State of the job for browsers; {} without one."""
         if not self._opened:
             return {}
         sender = self.sender

@@ -37,7 +37,7 @@ _ZEROS = {"LZ": "leading zeros written", "TZ": "trailing zeros written"}
 
 @dataclass
 class NumberFormat:
-    """What is known of the numbers so far."""
+    """Knowledge of the numbers so far."""
 
     once: Once
     setting: str  # drill_format, which wins over the file
@@ -80,7 +80,7 @@ class NumberFormat:
         return rest
 
     def commented(self, comment: str, place: Place) -> Iterator[Element]:
-        """What board programs write of their numbers behind a semicolon."""
+        """Remarks of board programs about their numbers."""
         match = _COMMENTED.search(comment)
         if match is None:
             return
@@ -164,7 +164,7 @@ class NumberFormat:
         return f'set drill_format = "{whole}:{behind} LZ" if it is {lz}, "{whole}:{behind} TZ" if it is {tz}'
 
     def assumed(self) -> str:
-        """How its numbers were read, if the file does not say all of it; "" if it does, or needs not."""
+        """Reading of its numbers, if the file does not say all of it; "" if it does, or needs not."""
         if self.first is None:
             return ""
         whole, behind = self.digits or _DIGITS[self.unit]

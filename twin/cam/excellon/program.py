@@ -1,4 +1,4 @@
-"""What a drill file does, line by line: holes, slots and routs in its order, neither mirrored nor sorted."""
+"""A drill file, carried out line by line: holes, slots and routs in its order, neither mirrored nor sorted."""
 
 from __future__ import annotations
 

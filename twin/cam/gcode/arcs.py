@@ -43,8 +43,8 @@ def fits(start: Flat, end: Flat, centre: Flat, unit: float) -> bool:
 
 
 def misfit(letters: str, unit: float, ends: tuple[Flat, Flat], readings: tuple[Flat, Flat], absolute: bool) -> str:
-    """Why an arc between these ends cannot be made about the centre that is read. readings: the centres by offsets and
-    by absolute coordinates, absolute: the second is read; unit: of the file, mm."""
+    """Say why an arc between these ends cannot be made about the centre that is read. readings: the centres by offsets
+    and by absolute coordinates, absolute: the second is read; unit: of the file, mm."""
     (o0, o1), (a0, a1) = (radii(*ends, centre) for centre in readings)
     other_fits = fits(*ends, readings[not absolute], unit)
     if min((a0, a1) if absolute else (o0, o1)) < SMALL_MM and not other_fits:

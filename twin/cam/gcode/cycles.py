@@ -21,8 +21,8 @@ MOST_REPEATS = 10_000
 
 
 class Cycle:
-    """What stays from one hole to the next: the words R P Q of the code and the depth (mm, s), the axis they are along,
-    the height at which the series began."""
+    """State from one hole to the next: words R P Q of the code and the depth (mm, s), the axis they are along, the
+    height at which the series began."""
 
     def __init__(self) -> None:
         self._code: int | None = None
@@ -36,7 +36,7 @@ class Cycle:
         return None if self._began is None else (self._axis, self._unit)
 
     def end(self) -> None:
-        """Of a series of holes."""
+        """End the series of holes."""
         self._code = self._began = None
 
     def take(self, block: Block, code: int, axis: int, scale: float, unit: float, height: float) -> int:
@@ -87,8 +87,8 @@ class Cycle:
         return clear, bottom
 
     def unlike(self, before: tuple[int, float], height: float, clear: float, to_start: bool) -> str:
-        """What LinuxCNC makes otherwise of the hole that has been taken (cam/19); "" for nothing. before: `series` of
-        before it; height: where the tool is."""
+        """Say what LinuxCNC makes otherwise of the hole that has been taken (cam/19); "" for nothing. before: `series`
+        of before it; height: where the tool is."""
         began = self._began or 0.0
         if before[0] != self._axis:
             what = "the plane changes: a new series begins where the tool is", "keeps heights of the old plane"
@@ -105,7 +105,7 @@ class Cycle:
         return f"within a series of holes {what[0]}; LinuxCNC {what[1]}"
 
     def steps(self, clear: float, bottom: float, to_start: bool) -> Iterator[Step]:
-        """What is done at the hole, from R on. to_start: back to the height of before (G98), if that is above R."""
+        """Motions at the hole, from R on. to_start: back to the height of before (G98), if that is above R."""
         if self._code in PECKING:
             peck = self._words["Q"]
             depth = clear - peck

@@ -289,7 +289,7 @@ class Motion:
     # Motion ----------------------------------------------------------------------------------------------------------
 
     def move(self, block: Block) -> Iterator[Element]:
-        """What the block moves."""
+        """Make the moves of the block."""
         code, words = self._to_be(block), block.words
         values = {axis: self._mm(axis, words[letter]) for axis, letter in enumerate(_AXES) if letter in words}
         if code is not None:
@@ -331,7 +331,7 @@ class Motion:
             yield from self._hole(block, place, code, values)
 
     def default_feed(self, place: Place) -> Iterator[Element]:
-        """Where no F has come yet. Raises CamError if none is set."""
+        """Take feed_mm_s, as no F has come yet. Raises CamError if none is set."""
         usual = self._settings.feed_mm_s
         if usual <= 0.0 or self._settings.strict:
             setting = "" if self._settings.strict else ", or set feed_mm_s"

@@ -1,4 +1,4 @@
-"""Where the numbers of a program count from: the active system G54 .. G59.3, G92 or G52, the length of the tool."""
+"""Zeros from which a program's numbers count: the active system G54 .. G59.3, G92 or G52, the length of the tool."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a G-code program does, block by block, in the order of LinuxCNC's interpreter.
+"""A G-code program, carried out block by block, in the order of LinuxCNC's interpreter.
 
 Most lines are plain moves, G0 to G3 with X Y Z, I J or R, F and S in any order: they are matched as a whole. All others
 become a block, and `Program._block` carries out what it says in the order of its lines, whatever the order of the
@@ -132,7 +132,7 @@ class Program:
         yield from self._end(place)
 
     def _plain(self, match: re.Match[str], number: int) -> tuple[Element, ...] | None:
-        """What a plain move makes; None, and nothing is changed, if it must become a block, which also finds what is
+        """Elements of a plain move; None, and nothing is changed, if it must become a block, which also finds what is
         wrong with it."""
         motion = self._motion
         word, code, x, y, z, i, j, r, f, s = match.groups()
@@ -164,7 +164,7 @@ class Program:
         return made if s is None else (Spindle(Place(number, match.start(10), f"S{s}"), self._turns, float(s)), *made)
 
     def _plain_centre(self, kind: int, to: Point, i: str | None, j: str | None, r: str | None) -> arcs.Flat | None:
-        """Of an arc in G17 by offsets or a radius."""
+        """Centre of an arc in G17 by offsets or a radius; None: it must become a block."""
         motion = self._motion
         if not motion.flat or (r is not None and (i is not None or j is not None)):
             return None

@@ -1,4 +1,4 @@
-"""What a plot does: the pen is the tool, raised to safe_mm above the work, lowered to its depth (cam/32)."""
+"""A plot, carried out: the pen is the tool, raised to safe_mm above the work, lowered to its depth (cam/32)."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Drill:
         return (up * self._values["P"] + self._values["S"]) / per_mm
 
     def steps(self, statement: Statement, per_mm: float, up: int, clearance: float) -> Iterator[Step]:
-        """What is done at the hole, from `safe` on. clearance: back-off of pecks, mm, if R is not given."""
+        """Motions at the hole, from `safe` on. clearance: back-off of pecks, mm, if R is not given."""
         mm = {letter: value / per_mm for letter, value in self._values.items()}
         if "D" not in mm:
             raise statement.wrong("its depth is not known; write DRILLDEF D first")

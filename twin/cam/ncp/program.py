@@ -1,4 +1,4 @@
-"""What an NCP program does, statement by statement: a line is matched as a plain move first, which most lines are."""
+"""An NCP program, carried out statement by statement: a line is matched as a plain move first, which most lines are."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _LOOSE_MM, _LOOSE = 0.01, 0.001  # radii of start and end of an arc may differ b
 
 
 class Program:
-    """What is modal while a program is read: lengths mm, in the zero that is active; speeds mm/s."""
+    """Modal state while a program is read: lengths mm, in the zero that is active; speeds mm/s."""
 
     def __init__(self, settings: CamSettings) -> None:
         self.settings = settings

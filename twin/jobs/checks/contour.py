@@ -57,24 +57,24 @@ class Drawing:
         return lifts
 
 
-def drawing(path: Toolpath, settings: CamSettings, bound_mm: float | None = None) -> Drawing:
+def drawing(path: Toolpath, settings: CamSettings, bound_mm: float | None = None, *, spindle_off: int = 0) -> Drawing:
     """The path of a file, arcs by chords that leave them by a fiftieth of the bound, or as those of the controller may.
-    Raises CamError."""
+    spindle_off: the line before them that has switched the spindle off. Raises CamError."""
     tolerance_mm = settings.tolerance_mm if bound_mm is None else max(CHORD * bound_mm, LEAST_CHORD_MM)
-    return _Pen(settings, tolerance_mm).drawn(path)
+    return _Pen(settings, tolerance_mm, spindle_off).drawn(path)
 
 
 class _Pen:
     """Draws a path while its elements pass."""
 
-    def __init__(self, settings: CamSettings, tolerance_mm: float) -> None:
+    def __init__(self, settings: CamSettings, tolerance_mm: float, spindle_off: int) -> None:
         self._settings, self._tolerance_mm = settings, tolerance_mm
         self._points = [settings.machine_point(settings.start)]
         self._pieces: list[tuple[bool, int, float]] = []  # a cut?, line, speed
         self._speed_rpm, self._last_rpm = 0.0, math.nan  # now, and the last one that was said
-        self._off = {0: 0}
+        self._off = {0: spindle_off}
         self._changes: list[tuple[int, int]] = []
-        self._switches = False
+        self._switches = spindle_off > 0
         self._away_from: Point | None = None  # where the tool stood before it was changed
 
     def drawn(self, path: Toolpath) -> Drawing:
@@ -150,7 +150,7 @@ class _Pen:
 
 @dataclass(frozen=True)
 class Way:
-    """How far the carriages have come along a path."""
+    """Progress of the carriages along a path."""
 
     now_mm: float = 0.0
     farthest_mm: float = 0.0
@@ -158,7 +158,7 @@ class Way:
 
 
 class Contour:
-    """How far the carriages leave a path, by lines of the file."""
+    """Distance of the carriages from a path, by lines of the file."""
 
     def __init__(self, drawn: Drawing, most_mm: float) -> None:
         self._drawn, self.most_mm = drawn, most_mm

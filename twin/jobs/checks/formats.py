@@ -31,7 +31,7 @@ NOT_JUDGED = "not judged: the check was interrupted"
 
 
 class Outcome(Protocol):
-    """What the formats tell of a verdict."""
+    """A verdict as the formats tell it."""
 
     @property
     def commands(self) -> int: ...

@@ -59,7 +59,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class MachiningMark:
-    """How far a `Machining` has come; what is behind it can be played anew."""
+    """Progress of a `Machining`; what is behind it can be played anew."""
 
     t_ns: int
     queued: tuple[int, ...]
@@ -283,7 +283,7 @@ class Machining:
         return Finding("spindle", "", int(lines[0])) if len(lines) else None
 
     def _joined(self) -> Iterator[Finding]:
-        """What the twin has shown, with the lines of one cause as one."""
+        """Findings of the twin, with the lines of one cause as one."""
         by_cause: dict[str, list[Finding]] = {}
         for one in self._findings:
             by_cause.setdefault(one.message.partition(":")[0], []).append(one)
@@ -341,7 +341,7 @@ def _more(lines: int) -> str:
 
 
 def _coarse(state: State) -> tuple[bool, float, float]:
-    """What is worth to be noted of a state."""
+    """Rounded state, by which a change is noticed."""
     return state.runs, state.wanted_rpm, round(state.speed_rpm, -2)
 
 

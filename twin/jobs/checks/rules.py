@@ -1,4 +1,4 @@
-"""What a check demands of a job, and what it finds.
+"""Rules and bounds of a check, and its findings.
 
 RULES is the one list of them: reports, JUnit, SARIF, the page, editors and docs/ci.md, which says when each is broken,
 have theirs from here.
@@ -136,8 +136,8 @@ class Finding:
 
 
 def farthest(findings: Sequence[Finding]) -> list[Finding]:
-    """Of findings of the same rule, line and axis the one that is off by most: a line of a CAM program's file may be
-    many commands."""
+    """Keep of findings of the same rule, line and axis the one that is off by most: a line of a CAM program's file may
+    be many commands."""
     kept: dict[object, Finding] = {}
     for number, one in enumerate(findings):
         key = (one.rule, one.line, one.at, one.about) if one.off else number
