@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
     if ours:
         _open_standard_files()
-        sys.stdout, sys.stderr = ShownStream(sys.stdout), ShownStream(sys.stderr)  # type: ignore[assignment]
+        sys.stdout, sys.stderr = ShownStream(sys.stdout), ShownStream(sys.stderr)
         gc.set_threshold(YOUNG)
         os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging

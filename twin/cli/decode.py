@@ -194,7 +194,7 @@ def _exists(path: Path) -> bool:
 def _chunks(path: Path) -> Iterator[bytes]:
     """The content of a file in pieces, or of standard input as it comes."""
     if is_standard_input(path):
-        yield from iter(lambda: standard_input().read1(CHUNK_BYTES), b"")  # type: ignore[attr-defined]
+        yield from iter(lambda: standard_input().read1(CHUNK_BYTES), b"")
         return
     with path.open("rb") as file:
         yield from iter(lambda: file.read(CHUNK_BYTES), b"")
