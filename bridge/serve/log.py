@@ -23,6 +23,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
+from isel_twin.base.printable import shown
+
 QUEUE_LINES = 1000  # lines kept for a slow reader
 SHOWN = 3  # times that a message is printed within PERIOD_S before it is counted
 PERIOD_S = 60.0  # over which repeated messages are counted
@@ -89,7 +91,7 @@ class PatientHandler(logging.Handler):
         if self._lost:
             self._queue.append(f"isel-twin: {self._lost} lines of this log are lost, nobody read them\n".encode())
             self._lost = 0
-        self._queue.append(f"{line}\n".encode(errors="backslashreplace"))
+        self._queue.append(f"{shown(line)}\n".encode())
         self._changed.notify()
 
     def _tell_repeated(self, everything: bool = False) -> float | None:

@@ -52,6 +52,8 @@ class PtyEndpoint(Endpoint):
         self._claim: Claim | None = None
         if link is not None:
             try:
+                if not Path(link).parent.is_dir():
+                    raise NotADirectoryError(errno.ENOTDIR, "there is no such folder; make it first", link)
                 self._claim = Claim(link)
                 _make_room(Path(link), self._claim.abandoned)
             except OSError:

@@ -256,6 +256,7 @@ def test_a_machine_stands_where_the_settings_file_sees_it(
         (("job.txt", "--deviation-mm", "nan"), "--deviation-mm nan: must be"),
         (("job.txt", "--cycle-s", "-1"), "--cycle-s -1: must be a time"),
         (("job.txt", "--robust", "-1"), "--robust -1: must be"),
+        (("job.txt", "--robust", "1000000000"), "--robust 1000000000: must be a number of repetitions up to 10000"),
         (("job.txt", "--workers", "0"), "--workers 0: must be"),
         (("job.txt", "--may-strike", "limit_q"), "may-strike limit_q: is no end switch; there are:"),
         (("job.txt", "--settings", "none.toml"), "none.toml: there is no such file"),

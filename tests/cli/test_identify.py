@@ -71,7 +71,7 @@ def measured(days: list[Path]) -> list[object]:
 def test_from_recordings_to_a_machine(
     near: Path, days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shop, page = tmp_path / "shop", tmp_path / "page.html"
+    shop, page = near.with_name("shop"), tmp_path / "page.html"
     options = ("--fit", "backlash.x", "--patch", shop, "--report", page)
     code, out, err = call(capsys, "identify", *days, *measured(days), "--machine", near, *options)
     assert (code, err) == (0, "")
@@ -97,7 +97,7 @@ def test_what_predicts_worse_writes_nothing(
             number += 1
             lines[index] = f"mm = {float(line[5:]) - 0.08 * (number % 2 == 0)!r}"
     form.write_text("\n".join(lines))
-    shop = tmp_path / "shop"
+    shop = near.with_name("worse")
     code, out, err = call(
         capsys, "identify", *days, *measured(days), "--machine", near, "--fit", "backlash.x", "--patch", shop
     )

@@ -7,6 +7,7 @@ measured is the error and nothing else.
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -286,8 +287,9 @@ def stripped(folder: Path) -> Path:
     text = (models_folder() / "4030" / "machine.toml").read_text()
     names = (*NEW, *(key.rpartition(".")[2] for key in KEYS.values()), "screw_modulus")
     kept = [line for line in text.splitlines() if line.partition(" = ")[0] not in names]
-    scene = models_folder() / "4030" / "scene.xml"
-    (folder / "machine.toml").write_text("\n".join(kept).replace('"scene.xml"', f'"{scene}"') + "\n")
+    for model in (models_folder() / "4030").glob("*.xml"):
+        shutil.copy(model, folder)
+    (folder / "machine.toml").write_text("\n".join(kept) + "\n")
     return folder
 
 

@@ -136,7 +136,8 @@ def local(number: int, preload: Sequence[str] = ()) -> Crew:
     workers, where processes can fork."""
     if number == 1:
         return here()
-    flags: Any = multiprocessing.RawArray("b", CALLS)
+    with _shared_memory():
+        flags: Any = multiprocessing.RawArray("b", CALLS)
     return Crew(lambda: _processes(number, preload, flags), 2 * number, flags)
 
 
@@ -344,7 +345,8 @@ def _alike(function: Callable[..., list[Result]], asked: dict[str, str], *items:
 def _processes(number: int, preload: Sequence[str], flags: Any) -> Iterator[Executor]:
     forks = sys.platform.startswith("linux")
     context = multiprocessing.get_context("forkserver" if forks else "spawn")
-    executor = futures.ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
+    with _shared_memory():
+        executor = futures.ProcessPoolExecutor(number, mp_context=context, initializer=_serve, initargs=(flags,))
     with _without_ctrl_c():  # processes started in the block ignore it, and so do those that the server forks
         if forks:
             from multiprocessing import forkserver
@@ -358,6 +360,17 @@ def _processes(number: int, preload: Sequence[str], flags: Any) -> Iterator[Exec
         yield executor
     finally:
         executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _shared_memory() -> Iterator[None]:
+    """Say of locks and flags that cannot be made where they would be: the system's error names no file, or one of its
+    own. Raises CallError."""
+    try:
+        yield
+    except OSError as error:
+        why = f"need shared memory, and /dev/shm cannot be used ({error.strerror}); mount it, or take one: --workers 1"
+        raise CallError(f"several processes {why}") from error
 
 
 @contextmanager

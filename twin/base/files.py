@@ -38,6 +38,7 @@ _ALWAYS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(o
 _NEW = os.O_CREAT | os.O_EXCL | _ALWAYS
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe in the place of a file keeps nobody waiting
 _MOST_LINKS = 40  # in a row, as Linux follows
+_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], bare: bool = False) -> str:
@@ -114,15 +115,27 @@ def replacing(path: str | os.PathLike[str], mode: int = 0o666) -> Iterator[IO[by
     OSError.
     """
     if (device := open_device(path)) is not None:
-        with device:
+        with device, _full_disk_names(path):
             yield device
         return
     new = Replacement(path, mode)
     try:
-        yield new.file
+        with _full_disk_names(path):
+            yield new.file
         new.put()
     finally:
         new.close()
+
+
+@contextmanager
+def _full_disk_names(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Give the error of a full disk, which knows a descriptor and no file, this path for its name."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno in _FULL:
+            error.filename = os.fspath(path)
+        raise
 
 
 def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:

@@ -54,8 +54,8 @@ def read_klipper(path: Path, frequency_hz: float | None) -> Ticks:
             found = next((word for word in _WANTED if word in line), None)
             if found is None:
                 continue
-            fields = {name: int(value) for name, value in _FIELD.findall(line)}
             try:
+                fields = {name: int(value) for name, value in _FIELD.findall(line)}
                 if found == "config_stepper":
                     steppers[fields["oid"]] = _Stepper()
                     continue
@@ -73,7 +73,7 @@ def read_klipper(path: Path, frequency_hz: float | None) -> Ticks:
                     latest = max(latest, _queue(stepper, fields["interval"], fields["count"], fields["add"]))
             except CaptureError:
                 raise
-            except ValueError:
+            except (ValueError, OverflowError):
                 raise CaptureError(
                     f"{path}:{number}: {line.strip()[:60]!r}: its steps go back in time, or too far"
                 ) from None
@@ -91,7 +91,9 @@ def read_klipper(path: Path, frequency_hz: float | None) -> Ticks:
 
 
 def _unwrapped(clock: int, near: int) -> int:
-    """The time nearest to `near` with these 32 bits; the clock of a batch begins anywhere."""
+    """The time nearest to `near` with these 32 bits; the clock of a batch begins anywhere. Raises ValueError."""
+    if not -_WRAP // 2 <= clock < _WRAP:
+        raise ValueError
     return near + (clock - near + _WRAP // 2) % _WRAP - _WRAP // 2 if near else clock
 
 

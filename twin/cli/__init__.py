@@ -31,6 +31,7 @@ from contextlib import ExitStack
 from cyclopts import App, CycloptsError, Group, Parameter, UnusedCliTokensError, ValidationError
 
 from isel_twin.base.errors import CallError, one_line
+from isel_twin.base.printable import ShownStream, shown, shown_line
 from isel_twin.cli.interruption import until_told
 from isel_twin.cli.options import STANDARD_INPUT
 from isel_twin.version import VERSION
@@ -72,6 +73,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     ours = argv is None and tokens[:1] != ["exec"]  # not a host program's process
     if ours:
         _open_standard_files()
+        sys.stdout, sys.stderr = ShownStream(sys.stdout), ShownStream(sys.stderr)
         gc.set_threshold(YOUNG)
         os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws, and looking for OpenGL starts a process
     if logging.lastResort is not None:  # warnings, unless the command configures logging
@@ -113,14 +115,14 @@ def _run(tokens: Sequence[str]) -> int:
         dashes = "--" if isinstance(error, CallError) and error.option else ""
         code = _say(2, f"{dashes}{error}")
         for line in getattr(error, "excerpt", "").splitlines():
-            print(f"    {line}", file=sys.stderr)
+            print(f"    {shown(line)}", file=sys.stderr)
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:  # the reader of the output is gone, for example `| head`
         sys.stderr.close()
         code = 1
     except OSError as error:  # standard output cannot be written, for example a full disk
-        code = _say(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
+        code = _say(2, f"{error.filename2 or error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # else the interpreter tries to flush it again
     except RuntimeError as error:
         from isel_twin.plant import PlantError  # only now: most commands that fail have not needed it
@@ -132,7 +134,7 @@ def _run(tokens: Sequence[str]) -> int:
 
 
 def _say(code: int, text: str) -> int:
-    print(f"isel-twin: {one_line(text)}", file=sys.stderr)
+    print(f"isel-twin: {shown_line(one_line(text))}", file=sys.stderr)
     return code
 
 

@@ -215,6 +215,7 @@ def _in_a_line(reports: Sequence[Told], unjudged: Sequence[str]) -> str:
 
 
 def _check_options(asked: dict[str, Any], workers: int) -> None:
+    from isel_twin.jobs.robust import MOST_REPETITIONS
     from isel_twin.jobs.sending import MOST_EDGE
     from isel_twin.plant import MOST_CLEARANCE_MM
 
@@ -232,8 +233,9 @@ def _check_options(asked: dict[str, Any], workers: int) -> None:
         allowed = f"from 0 to {MOST_CLEARANCE_MM:g} mm"
         raise CallError(f"clearance {asked['clearance']:g}: must be a distance {allowed}", option=True)
     for key in ("robust", "uncertain"):
-        if asked[key] is not None and asked[key] < 0:
-            raise CallError(f"{key} {asked[key]}: must be a number of repetitions, such as 20", option=True)
+        if asked[key] is not None and not 0 <= asked[key] <= MOST_REPETITIONS:
+            allowed = f"a number of repetitions up to {MOST_REPETITIONS}, such as 20"
+            raise CallError(f"{key} {asked[key]}: must be {allowed}", option=True)
     options.check_workers(workers)
 
 

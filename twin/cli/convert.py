@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.printable import unchanged
 from isel_twin.cli import options
 from isel_twin.cli.jobs import DEFAULT_PART, PartOptions, cam_settings, check_file, job_name, say_cautions, say_zero
 from isel_twin.cli.outputs import say
@@ -110,7 +111,7 @@ def _output(file: Path | None) -> Iterator[IO[str]]:
     from isel_twin.base.files import replacing
 
     if file is None:
-        yield sys.stdout
+        yield sys.stdout if sys.stdout.isatty() else unchanged(sys.stdout)  # data for a pipe
         return
     with (
         call_errors(file),

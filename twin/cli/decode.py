@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -13,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.base.units import SECOND_NS
-from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input
+from isel_twin.cli.options import STANDARD_INPUT, STREAMS, is_standard_input, standard_input
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
@@ -195,7 +194,7 @@ def _exists(path: Path) -> bool:
 def _chunks(path: Path) -> Iterator[bytes]:
     """The content of a file in pieces, or of standard input as it comes."""
     if is_standard_input(path):
-        yield from iter(lambda: sys.stdin.buffer.read1(CHUNK_BYTES), b"")  # type: ignore[union-attr]
+        yield from iter(lambda: standard_input().read1(CHUNK_BYTES), b"")
         return
     with path.open("rb") as file:
         yield from iter(lambda: file.read(CHUNK_BYTES), b"")

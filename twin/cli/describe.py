@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import call_errors
 from isel_twin.base.parameters import Row
+from isel_twin.base.printable import shown
 from isel_twin.cli.names import machines
 from isel_twin.cli.options import ControllerName, Json, Overrides, parse_overrides
 from isel_twin.controller import readings_in_force
@@ -51,7 +52,7 @@ def describe(
     for row in rows:
         band = "" if row.interval is None else "{:.4g} .. {:.4g}".format(*row.interval)
         cells = (row.parameter, str(row.value), band, row.unit, row.grade, row.source)
-        table.add_row(*(escape(str(cell)) for cell in cells))
+        table.add_row(*(escape(shown(str(cell))) for cell in cells))
     console().print(table)
     return 0
 

@@ -84,6 +84,7 @@ def identify(
         return _say_day(day, json)
     with call_errors():
         known = with_overrides(load_machine(machine), options.parse_overrides(set))
+    base = "" if patch is None else based_on(machine, known, patch.resolve())
     told = read_all([*(measured or ()), *([score] if score and score not in (measured or ()) else [])])
     sessions = _sessions(recordings, told, controller, known)
     unknowns = unknowns_of(known, fit, prior, told.axes)
@@ -122,7 +123,6 @@ def identify(
         name = sessions[0].controller
         with call_errors(target):
             patch.mkdir(parents=True, exist_ok=True)
-            base = based_on(machine, known, patch.resolve())
             content = as_patch(result, known, base, patch.resolve().name, name, names, held_names)
             atomic_write(target, content.encode())
             load_machine(patch)

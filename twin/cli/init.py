@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -49,12 +51,7 @@ def init(
     there = [name for name in texts if (folder / name).exists()]
     if there:
         raise CallError(f"{folder / there[0]}: exists already; name a folder without it, isel-twin init FOLDER")
-    for name, text in texts.items():
-        path = folder / name
-        with call_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with create(path) as file:
-                file.write(text.encode())
+    _write(folder, texts)
     called = "" if controller == TwinSpec.controller else f" --controller {controller}"
     called += "" if example.machine == MACHINE else f" --machine {example.machine}"
     print(f"{len(texts)} files in {folder.resolve()}: " + ", ".join(texts))
@@ -68,6 +65,22 @@ def init(
     ):
         print(f"    {command}\n        {purpose}")
     return 0
+
+
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write all of the files, or leave nothing. Raises CallError."""
+    with ExitStack() as undoing:
+        for name, text in texts.items():
+            path = folder / name
+            with call_errors(path):
+                for above in reversed(path.parents):
+                    if not above.exists():
+                        above.mkdir()
+                        undoing.callback(above.rmdir)
+                with create(path) as file:
+                    undoing.callback(path.unlink)
+                    file.write(text.encode())
+        undoing.pop_all()
 
 
 def _text(source: str, words: dict[str, str]) -> str:

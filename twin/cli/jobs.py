@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from cyclopts import Parameter
 
 from isel_twin.base.errors import CallError, call_errors
 from isel_twin.cam.section import LineRange
-from isel_twin.cli.options import Whole, is_standard_input
+from isel_twin.cli.options import Whole, is_standard_input, standard_input
 from isel_twin.cli.outputs import say
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def clamped(call: TwinSpec, job: Path) -> TwinSpec:
 def _read(job: Path, most: int) -> bytes:
     """The file, or its first most + 1 bytes."""
     if is_standard_input(job):
-        return sys.stdin.buffer.read(most + 1)
+        return standard_input().read(most + 1)
     with job.open("rb") as file:
         return file.read(most + 1)
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 from cyclopts import Parameter, Token
 
@@ -211,6 +211,15 @@ LONGEST_S = 1e9  # longest time of an option in virtual seconds, as for scenario
 def is_standard_input(path: Path) -> bool:
     """True for the path that `-` means, in the spelling of any system."""
     return path == Path(STANDARD_INPUT)
+
+
+def standard_input() -> BinaryIO:
+    """The bytes of standard input. Raises CallError if the caller has closed it."""
+    import sys
+
+    if sys.stdin is None:
+        raise CallError("standard input: is closed; name a file, or give it a pipe")
+    return sys.stdin.buffer
 
 
 def check_seconds(option: str, value: float, low: float) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.errors import CallError, call_errors
+from isel_twin.base.printable import shown, shown_line, unchanged
 from isel_twin.base.units import SECOND_NS
 
 if TYPE_CHECKING:
@@ -48,18 +49,25 @@ def console() -> Console:
     return here if here.is_terminal else Console(width=WIDE)
 
 
+def terminals() -> tuple[Console, Console]:
+    """Standard output and standard error for a progress bar, which puts streams of its own in their place."""
+    from rich.console import Console
+
+    return Console(file=unchanged(sys.stdout)), Console(file=unchanged(sys.stderr), stderr=True)
+
+
 def _may_be_terminal() -> bool:
     """False if all goes to files or pipes: then rich, whose import takes longer than many a job, need not be asked."""
     asked = not {"FORCE_COLOR", "TTY_COMPATIBLE"}.isdisjoint(environ)
     return asked or any(stream is not None and stream.isatty() for stream in (sys.stdout, sys.stderr))
 
 
-def progress(console: Console, time: type[ProgressColumn], shown: bool = True, **more: Any) -> Progress:
+def progress(console: Console, time: type[ProgressColumn], wanted: bool = True, **more: Any) -> Progress:
     """A progress bar on a terminal that vanishes at the end. time: the column of time."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time()
-    disable = not (shown and console.is_terminal)
+    disable = not (wanted and console.is_terminal)
     return Progress(*columns, console=console, transient=True, disable=disable, **more)
 
 
@@ -70,10 +78,9 @@ def counted(what: str, total: int | None = None) -> Iterator[Callable[[int], Non
     if not _may_be_terminal():
         yield None
         return
-    from rich.console import Console
     from rich.progress import TimeElapsedColumn
 
-    out, messages = Console(), Console(stderr=True)
+    out, messages = terminals()
     bar = progress(messages, TimeElapsedColumn, redirect_stdout=out.is_terminal, redirect_stderr=messages.is_terminal)
     task = bar.add_task(what, total=total)
     with bar:
@@ -87,7 +94,7 @@ def many(number: int, what: str) -> str:
 
 def say(text: str) -> None:
     """Print one line for the user on standard error."""
-    print(f"isel-twin: {text}", file=sys.stderr, flush=True)
+    print(f"isel-twin: {shown_line(text)}", file=sys.stderr, flush=True)
 
 
 def say_json(told: object) -> None:
@@ -257,19 +264,18 @@ class TableOutput:
         self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
 
     def _show_progress(self, twin: Twin, total: int) -> None:
-        from rich.console import Console
         from rich.progress import TimeElapsedColumn
 
-        out, messages = Console(), Console(stderr=True)
+        out, messages = terminals()
         self._terminal = out if out.is_terminal else None
-        shown = self._terminal or messages
-        bar = progress(shown, TimeElapsedColumn, redirect_stdout=False, redirect_stderr=messages.is_terminal)
+        where = self._terminal or messages
+        bar = progress(where, TimeElapsedColumn, redirect_stdout=False, redirect_stderr=messages.is_terminal)
         self._progress, task = bar, bar.add_task("", total=total)
 
         def look(twin: Twin) -> None:
             bar.update(task, description=f"{twin.time_ns / SECOND_NS:.0f} s of machine time")
 
-        if shown.is_terminal:
+        if where.is_terminal:
             twin.observe(look, SECOND_NS)
 
     def __enter__(self) -> TableOutput:
@@ -418,7 +424,7 @@ class TableOutput:
         else:
             from rich.text import Text
 
-            self._terminal.print(Text(text, style), soft_wrap=True)
+            self._terminal.print(Text(shown(text), style), soft_wrap=True)
 
 
 class MotionsOutput(TableOutput):

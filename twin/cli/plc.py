@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from isel_twin.base.errors import CallError, call_errors
-from isel_twin.cli.options import ControllerName, Json, check_writable, is_standard_input, written
+from isel_twin.cli.options import ControllerName, Json, check_writable, is_standard_input, standard_input, written
 from isel_twin.cli.outputs import say_json
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ def _program(source: Path) -> PlcProgram:
 
     name = "-" if is_standard_input(source) else str(source)
     with call_errors(source):
-        data = sys.stdin.buffer.read() if is_standard_input(source) else source.read_bytes()
+        data = standard_input().read() if is_standard_input(source) else source.read_bytes()
     try:
         return PlcProgram.read(data) if data.startswith(MAGIC) else assembled(data.decode())
     except AssemblyError as error:

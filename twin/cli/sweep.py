@@ -161,12 +161,11 @@ class _Progress:
     """A bar with the time left on a terminal; with --json the rows. A context manager."""
 
     def __init__(self, total: int, had: int, json: bool) -> None:
-        from rich.console import Console
         from rich.progress import TimeRemainingColumn
 
         self._json = json
-        console = Console(stderr=True)
-        self._bar = outputs.progress(console, TimeRemainingColumn, shown=not json, speed_estimate_period=600.0)
+        _, messages = outputs.terminals()
+        self._bar = outputs.progress(messages, TimeRemainingColumn, wanted=not json, speed_estimate_period=600.0)
         self._task = self._bar.add_task("rows", total=total, completed=had)
         self._failed = 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isel_twin.base.errors import one_line
-from isel_twin.cli.outputs import many, progress, say, say_json
+from isel_twin.cli.outputs import many, progress, say, say_json, terminals
 
 if TYPE_CHECKING:
     from isel_twin.many.tuning import Judgement, Tuned
@@ -65,11 +65,10 @@ class Table(Output):
     """Each improvement as it is found, and a line of progress on a terminal. A context manager."""
 
     def __init__(self, trials: int, confirm: int) -> None:
-        from rich.console import Console
         from rich.progress import TimeRemainingColumn
 
         self._trials, self._confirm = trials, confirm
-        out, messages = Console(), Console(stderr=True)
+        out, messages = terminals()
         self._progress = progress(
             out if out.is_terminal else messages,
             TimeRemainingColumn,

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from isel_twin.jobs.job import Line
 
 COPPER_PER_K, MAGNET_PER_K = 0.00393, -0.0012
+MOST_REPETITIONS = 10_000  # a month of work for most jobs
 OPTIONS: Mapping[Source, str] = {"kind": "robust", "known": "uncertain"}  # of the command line
 STIFFER = 0.95  # most: the time step of the machine allows hardly more
 CONFIDENCE = 0.95
@@ -211,8 +212,10 @@ def check(call: TwinSpec, number: int, source: Source = "kind") -> None:
     Raises CallError for a plant without physics, on which no perturbation can have an effect, and if none of these
     machines can be built.
     """
+    option = OPTIONS[source]
+    if number > MOST_REPETITIONS:
+        raise CallError(f"{option} {number}: must be up to {MOST_REPETITIONS} repetitions", option=True)
     if call.plant == "kinematic":
-        option = OPTIONS[source]
         raise CallError(f"{option}: the kinematic plant loses no steps; use --plant mujoco", option=True)
     with call_errors():
         machine, built = call.fitted(), not number

@@ -5,12 +5,9 @@ After a change only the parts that depend on it are built again.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -25,6 +22,7 @@ from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import MOST_DAMPING, Stage
 from isel_twin.drives.supply import Supply, check_fit
 from isel_twin.machine.fixture import read_fixtures
+from isel_twin.machine.mjcf import file_content, model_files, model_travels_mm
 from isel_twin.machine.schema import (
     CABINETS,
     Axis,
@@ -332,7 +330,9 @@ def _check(machine: Machine, place: Place) -> None:
     for key, path in (("model", machine.model_file), ("fixture", machine.fixture_file)):
         if path is not None and not path.is_file():
             raise place.at(key).wrong(f"{path} does not exist; allowed: an MJCF file")
-    longest_mm = _model_travels_mm(machine.model_file)
+    if machine.fixture_file is not None:
+        model_files(machine.fixture_file)
+    longest_mm = model_travels_mm(machine.model_file)
     for axis in machine.axes:
         if axis.travel_mm > longest_mm.get(axis.name, math.inf):
             raise place.at(f"axes.{axis.name}.travel").wrong(
@@ -356,47 +356,6 @@ def check_plates(machine: Machine) -> None:
 def _lines(file: Path, key: str) -> LinePlace:
     """The place of a key that knows its line, if the file has it."""
     return LinePlace(file, MachineError, key, (file_content(file) or b"").decode("utf-8", "replace"))
-
-
-def file_content(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except OSError:
-        return None
-
-
-def model_files(file: Path) -> list[Path]:
-    """A MuJoCo model, and the files that it includes."""
-    included = _joints(file_content(file) or b"")[1]
-    return [file, *(each for name in included for each in model_files(file.parent / name))]
-
-
-def _model_travels_mm(file: Path) -> dict[str, float]:
-    """Upper limits of the joints of a MuJoCo model by name, read without MuJoCo, which is slower. Unreadable files are
-    skipped: loading the model refuses them."""
-    ends: dict[str, float] = {}
-    for each in model_files(file):
-        ends |= _joints(file_content(each) or b"")[0]
-    return ends
-
-
-@lru_cache(32)
-def _joints(content: bytes) -> tuple[Mapping[str, float], tuple[str, ...]]:
-    """Upper limits of the joints of an MJCF file in mm, by name, and the files that it includes."""
-    ends: dict[str, float] = {}
-    included: list[str] = []
-    try:
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError:
-        return ends, ()
-    for element in root.iter():
-        name, limits = element.get("name"), (element.get("range") or "").split()
-        if element.tag == "include" and element.get("file"):
-            included.append(str(element.get("file")))
-        elif element.tag == "joint" and name and len(limits) == 2:
-            with contextlib.suppress(ValueError):
-                ends[name] = 1e3 * float(limits[1])
-    return ends, tuple(included)
 
 
 def _contact(

@@ -17,12 +17,13 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, merge, parse_toml, quantity, read_text, spread, table
-from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build, file_content, model_files
+from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build
+from isel_twin.machine.mjcf import file_content, is_below, model_files
 from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
 
@@ -36,6 +37,7 @@ class _Loaded(NamedTuple):
 
 
 _MOST_LOADED = 32
+_MOST_BASES = 16
 _loaded: dict[Path, _Loaded] = {}  # cache by file: read again only when a file has changed
 
 
@@ -53,7 +55,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
     tree = _read_file(file, files)
     tree.setdefault("cabinet", DEFAULT_CABINET)
     machine = build(tree, file)
-    files += [*model_files(machine.model_file), *([machine.fixture_file] if machine.fixture_file else [])]
+    files += [*model_files(machine.model_file), *(model_files(machine.fixture_file) if machine.fixture_file else [])]
     files += [fixture.file for fixture in machine.fixtures if fixture.file is not None]
     if len(_loaded) >= _MOST_LOADED:
         _loaded.clear()
@@ -85,11 +87,14 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
     place = Place(file, MachineError)
     if file in seen:
         raise place.at("based_on").wrong("goes round in a circle; allowed: a machine that does not need this one")
+    if len(seen) >= _MOST_BASES:
+        raise place.at("based_on").wrong(f"goes on and on; allowed: {_MOST_BASES} machines, one based on the other")
     seen.append(file)
     try:
         tree = parse_toml(read_text(place), place)
     except OSError as error:
         raise place.wrong(f"cannot be read: {error}") from None
+    _check_paths(tree, place, file.parent)
     _as_peak(tree, place)
     spread(tree, "axes", CARRIAGES, place)
     if "based_on" in tree:
@@ -104,6 +109,23 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
                 tree[key] = str(parent_file.parent / str(parent[key]))
         tree = merge(_without_other_drives(parent, tree, place), tree)
     return tree
+
+
+def _check_paths(tree: Mapping[str, Any], place: Place, folder: Path) -> None:
+    """Refuse files that lie neither below the folder of a machine nor beside it: it may come from anybody."""
+    fixtures = tree.get("fixture", [])
+    named = [(place.at(key), tree.get(key)) for key in ("based_on", "model", "fixture")]
+    if isinstance(fixtures, list):
+        named += [
+            (place.at(f"fixture {n}.file"), one.get("file")) for n, one in enumerate(fixtures, 1) if type(one) is dict
+        ]
+    for where, name in named:
+        if isinstance(name, str) and not (where.key == "based_on" and name in machine_names()):
+            apart = PureWindowsPath(name).anchor or name.startswith("~")
+            if apart or not is_below(folder / name, folder.resolve().parent):
+                raise where.wrong(
+                    f"{name!r} lies elsewhere; allowed: a path below {folder}, or beside it as in '../other'"
+                )
 
 
 def _as_peak(tree: Mapping[str, Any], place: Place) -> None:

@@ -20,6 +20,7 @@ from isel_twin.many.studies.row import OUTCOMES
 from isel_twin.many.studies.table import Table, journal_of, read_rows
 from tests import forked
 from tests.forked import PATIENCE_S
+from tests.full_disk import full_disk
 
 OUTCOME = {**dict.fromkeys(OUTCOMES), "ok": True, "cycle_s": 1.5}
 
@@ -137,6 +138,16 @@ def test_damaged_lines_of_a_journal_cost_their_rows_only_and_are_told_once(
         f"{journal_of(file)}: 12 damaged lines are left out; their rows are computed again"
     ]
     assert {name: read_rows(file)[2][name] for name in OUTCOMES} == OUTCOME
+
+
+def test_a_full_disk_names_the_table(plans: Path) -> None:
+    read = load_plan(plans / "small.toml")
+    wanted, file = points(read), plans / "t.parquet"
+    with Table(file, read, wanted) as table:
+        table.add(wanted[0], OUTCOME)
+        with full_disk(), pytest.raises(CallError, match=f"^{file}: File too large$"):
+            table.add(wanted[1], OUTCOME)
+    assert [row["row"] for row in read_rows(file)] == [1, 2], "the disk had room again"
 
 
 def test_files_as_they_are_after_each_row_hold_all_rows(plans: Path) -> None:

@@ -11,6 +11,7 @@ JSON     one object a job
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,13 +20,10 @@ from typing import Any, Protocol
 from urllib.parse import quote
 from xml.etree import ElementTree
 
+from isel_twin.base.printable import shown, shown_line
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.rules import RULES, Finding
 from isel_twin.version import VERSION
-
-# characters that XML cannot hold, but a reply can
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
 
 _PLACE = re.compile(r"line (\d+)(?:, column (\d+))?: ")  # at the beginning of an error of a file
 
@@ -110,18 +108,17 @@ def where(finding: Finding) -> str:
 def as_words(report: Told) -> str:
     """For the terminal: the verdict in a line, and a line for each finding."""
     if isinstance(report, Unread):
-        return "\n".join(
-            [f"{report.job}: not read: {report.why.removeprefix(f'{report.job}: ')}", *report.excerpt.splitlines()]
-        )
+        why = shown_line(f"{report.job}: not read: {report.why.removeprefix(f'{report.job}: ')}")
+        return "\n".join([why, *report.excerpt.splitlines()])
     verdict = report.verdict
     least = verdict.least_margin
     margin = "" if least is None else f", margin {100.0 * least:.0f} %"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
     time = ", ".join(filter(None, (f"{verdict.cycle_s:.3f} s", verdict.line_told)))
-    rows = [f"{report.job}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]
+    rows = [f"{shown_line(report.job)}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]
     for finding in report.findings:
         warning, place = "warning " if finding.warning else "", where(finding)
-        rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{finding.message}")
+        rows.append(f"  {warning}{finding.rule:<10} {f'{place}: ' if place else ''}{shown_line(finding.message)}")
     if report.unseen:
         rows.append(f"  {_unseen(report)}")
     return "\n".join(rows)
@@ -150,12 +147,12 @@ def junit(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
         about = {**_case(report.job), "time": f"{report.verdict.cycle_s:.3f}"}
         case = ElementTree.SubElement(suite, "testcase", about)
         if wrong := [finding for finding in report.findings if not finding.warning]:
-            failure = {"type": wrong[0].rule, "message": _xml(_in_words(wrong[0]))}
+            failure = {"type": wrong[0].rule, "message": shown(_in_words(wrong[0]))}
             kind = "error" if isinstance(report, Unread) else "failure"
-            ElementTree.SubElement(case, kind, failure).text = _xml("\n".join(map(_in_words, wrong)))
+            ElementTree.SubElement(case, kind, failure).text = shown("\n".join(map(_in_words, wrong)))
         notes = [_in_words(finding) for finding in report.findings if finding.warning]
         if notes := [*notes, *([_unseen(report)] if report.unseen else [])]:
-            ElementTree.SubElement(case, "system-out").text = _xml("\n".join(notes))
+            ElementTree.SubElement(case, "system-out").text = shown("\n".join(notes))
     for job in unjudged:
         case = ElementTree.SubElement(suite, "testcase", {**_case(job), "time": "0.000"})
         ElementTree.SubElement(case, "error", {"type": "interrupted", "message": NOT_JUDGED}).text = NOT_JUDGED
@@ -165,11 +162,7 @@ def junit(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
 
 def _case(job: str) -> dict[str, str]:
     path = Path(job)
-    return {"name": _xml(path.name), "classname": _xml(path.parent.as_posix())}
-
-
-def _xml(text: str) -> str:
-    return _NO_XML.sub("?", text)
+    return {"name": shown_line(path.name), "classname": shown_line(path.parent.as_posix())}
 
 
 def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
@@ -182,7 +175,7 @@ def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
             "ruleId": finding.rule,
             "ruleIndex": names.index(finding.rule),
             "level": finding.level,
-            "message": {"text": finding.message},
+            "message": {"text": shown(finding.message)},
             "locations": [{"physicalLocation": _location(report, finding)}],
         }
         for report in reports
@@ -214,7 +207,8 @@ def _location(report: Told, finding: Finding) -> dict[str, Any]:
 
 def _place(job: str) -> dict[str, Any]:
     path = Path(job)
-    uri = path.absolute().as_uri() if path.is_absolute() else quote(path.as_posix())
+    name = os.fsencode(path.as_posix())  # need not be UTF-8
+    uri = path.absolute().as_uri() if path.is_absolute() else quote(name)
     return {"artifactLocation": {"uri": uri}}
 
 
@@ -243,12 +237,12 @@ def as_annotations(reports: Iterable[Told]) -> Iterator[str]:
     for report in reports:
         for finding in report.findings:
             values = {
-                "file": report.job,
+                "file": shown_line(report.job),
                 "line": str((finding.at or (finding.line or 1,))[0]),
                 "title": f"isel-twin {finding.rule}",
             }
             place = ",".join(f"{key}={_escaped(value, ':,')}" for key, value in values.items())
-            yield f"::{finding.level} {place}::{_escaped(finding.message)}"
+            yield f"::{finding.level} {place}::{_escaped(shown(finding.message))}"
 
 
 def _escaped(text: str, others: str = "") -> str:

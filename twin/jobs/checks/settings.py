@@ -60,6 +60,7 @@ from isel_twin.core.assembly import PLANTS
 from isel_twin.core.spec import BAUD, MOST_ADAPTER_MS, TwinSpec
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.project import SettingsError, fixtures
+from isel_twin.jobs.robust import MOST_REPETITIONS
 from isel_twin.jobs.sending import MOST_EDGE
 from isel_twin.jobs.toolpaths import AS_IT_LOOKS, Reading
 from isel_twin.machine import Fixture, Machine, machine_names
@@ -73,8 +74,8 @@ _NUMBERS: Mapping[str, Limits] = {
     "contour_mm": Limits("mm", 0.0, 1e5),
     "cycle_s": Limits("s", 0.0, 1e9),
     "clearance": Limits("mm", 0.0, MOST_CLEARANCE_MM),
-    "robust": Limits("repetitions", 0, 10_000, whole=True),
-    "uncertain": Limits("repetitions", 0, 10_000, whole=True),
+    "robust": Limits("repetitions", 0, MOST_REPETITIONS, whole=True),
+    "uncertain": Limits("repetitions", 0, MOST_REPETITIONS, whole=True),
     "timeout_s": Limits("s", 0.0, 1e9),
     "line_speed": Limits("baud", *BAUD, whole=True),
     "adapter_ms": Limits("ms", 0.0, MOST_ADAPTER_MS),

@@ -21,6 +21,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from isel_twin.base.errors import CallError
 from isel_twin.base.parameters import rows
 from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
@@ -33,8 +34,13 @@ from isel_twin.models import machine_names
 
 
 def based_on(name: str, machine: Machine, folder: Path) -> str:
-    """The value of `based_on` for a machine.toml in that folder, for the machine `name`."""
-    return name if name in machine_names() else Path(os.path.relpath(machine.folder, folder)).as_posix()
+    """The value of `based_on` for a machine.toml in that folder, for the machine `name`. Raises CallError for a folder
+    from which a machine file may not name it."""
+    if name in machine_names():
+        return name
+    if not machine.folder.is_relative_to(folder.parent):
+        raise CallError(f"{folder}: must lie beside {machine.folder}, which it is based on; name a folder there")
+    return Path(os.path.relpath(machine.folder, folder)).as_posix()
 
 
 def patch(

@@ -76,30 +76,34 @@ class Table:
         return [point for point in self._points.values() if point.id not in self.rows]
 
     def add(self, point: Point, outcome: Mapping[str, Any]) -> dict[str, Any]:
-        """Store a row and return it as in the table. Raises OSError."""
+        """Store a row and return it as in the table. Raises CallError."""
         row = self._row(point, outcome)
         self.rows[point.id] = row
-        self._journal.write(json.dumps(row) + "\n")
-        self._journal.flush()
         self._waiting += 1
-        if self._waiting >= min(MOST_WAITING, max(1, len(self.rows) // PART_WAITING)):
-            self._write()
-            self._journal.truncate(0)
+        with call_errors(self.file):
+            self._journal.write(json.dumps(row) + "\n")
+            self._journal.flush()
+            if self._waiting >= min(MOST_WAITING, max(1, len(self.rows) // PART_WAITING)):
+                self._write()
+                self._journal.truncate(0)
         return row
 
     def close(self) -> None:
-        """Write waiting rows and release the file; one without rows is removed. May be called again."""
+        """Write waiting rows and release the file; one without rows is removed. May be called again. Raises
+        CallError."""
         if self._journal.closed:
             return
         try:
-            if self._waiting:
-                self._write()
-            self._journal.close()
-            journal_of(self.file).unlink(missing_ok=True)
-            if not self.rows:
-                self.file.unlink(missing_ok=True)
+            with call_errors(self.file):
+                if self._waiting:
+                    self._write()
+                self._journal.close()
+                journal_of(self.file).unlink(missing_ok=True)
+                if not self.rows:
+                    self.file.unlink(missing_ok=True)
         finally:
-            self._journal.close()
+            with suppress(OSError):  # of the rest of a full disk
+                self._journal.close()
             self._claim.release()
 
     def _row(self, point: Point, outcome: Mapping[str, Any]) -> dict[str, Any]:
