@@ -115,7 +115,7 @@ def replacing(path: str | os.PathLike[str], mode: int = 0o666) -> Iterator[IO[by
     OSError.
     """
     if (device := open_device(path)) is not None:
-        with device, _full_disk_names(path):
+        with _full_disk_names(path), device:  # closing writes, too
             yield device
         return
     new = Replacement(path, mode)
