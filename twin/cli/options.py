@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from cyclopts import Parameter, Token
 
@@ -28,6 +28,8 @@ from isel_twin.base.files import kind_of
 from isel_twin.core.spec import MACHINE, TwinSpec
 
 if TYPE_CHECKING:
+    from io import BufferedReader
+
     from isel_twin.base.crew import Crew
     from isel_twin.jobs.toolpaths import Reading
 
@@ -213,13 +215,13 @@ def is_standard_input(path: Path) -> bool:
     return path == Path(STANDARD_INPUT)
 
 
-def standard_input() -> BinaryIO:
+def standard_input() -> BufferedReader:
     """The bytes of standard input. Raises CallError if the caller has closed it."""
     import sys
 
     if sys.stdin is None:
         raise CallError("standard input: is closed; name a file, or give it a pipe")
-    return sys.stdin.buffer
+    return cast("BufferedReader", sys.stdin.buffer)
 
 
 def check_seconds(option: str, value: float, low: float) -> None:

@@ -24,8 +24,7 @@ from isel_twin.firmware.bwo900.geometry.groups import BEYOND
 from isel_twin.firmware.bwo900.messages import ProgramError
 from isel_twin.firmware.bwo900.numbers import Axis, G, M, P, Q
 from isel_twin.firmware.bwo900.parameters import AXIS_SIZE, MOST_AXES, of_axis
-from isel_twin.firmware.bwo900.programs.lines import END, program_name
-from isel_twin.firmware.bwo900.transfer import BLANK, HANDSHAKE, PARAMETERS
+from isel_twin.firmware.bwo900.programs.lines import BLANK, END, HANDSHAKE, PARAMETERS, program_name
 from isel_twin.language import (
     SETTINGS_RANGES,
     Example,

@@ -20,19 +20,22 @@ from isel_twin.firmware.bwo900.messages import Code, ProgramError
 from isel_twin.firmware.bwo900.numbers import P, Q
 from isel_twin.firmware.bwo900.parameters import LOADED, Parameters
 from isel_twin.firmware.bwo900.programs.feed import Feed
-from isel_twin.firmware.bwo900.programs.lines import END, MOST_LINE, program_name
+from isel_twin.firmware.bwo900.programs.lines import (
+    BLANK,
+    END,
+    HANDSHAKE,
+    MOST_LINE,
+    PARAMETERS,
+    TABLES,
+    program_name,
+)
 from isel_twin.firmware.bwo900.programs.stored import Builder, Store
 
 EOT: Final = 0x04  # end of a file, unless P11177 says otherwise
 PROTECTED: Final = 0x01  # bit of P11178: programs are not overwritten (M1107)
 LINE_MODE: Final = 0x01  # of q41, byte 1: blocks need no number (nc_line_mode, 3.9.2.2)
-TABLES: Final = {"W": "tool table", "N": "zero points", "B": "zero points"}
-PARAMETERS: Final = ("D", "D+", *TABLES)  # what files of parameters begin with
 POSITIONED: Final = "P0"  # program of the positioning block, which is typed at the panel and needs no number (2.6.2)
-# characters that are ignored at the ends of a line: blanks, and ends of files of another setting
 MOST_OF_TABLE: Final = 10_000
-BLANK: Final = "".join(chr(code) for code in range(33))
-HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host, which are ignored
 _LINE = re.compile(
     r"\s*(?:K(?P<channel>\d+)\s*:?\s*)?(?P<area>[Pq])\s*(?P<number>\d+)\s*:\s*"
     r"(?P<value>--|[-–—\x96\x97]|\$[0-9A-Fa-f]+;?|[-+]?\d+(?:[.,]\d*)?(?:[Ee][-+]?\d+)?)"

@@ -8,6 +8,11 @@ from typing import Final
 from isel_twin.firmware.bwo900.messages import Code, ProgramError
 
 END: Final = "#"  # after the last block of a file
+TABLES: Final = {"W": "tool table", "N": "zero points", "B": "zero points"}
+PARAMETERS: Final = ("D", "D+", *TABLES)  # what files of parameters begin with
+# characters that are ignored at the ends of a line: blanks, and ends of files of another setting
+BLANK: Final = "".join(chr(code) for code in range(33))
+HANDSHAKE: Final = b"\x11\x13"  # Xon and Xoff of a host, which are ignored
 MOST_LINE: Final = 400  # characters of a line of a file (M1113)
 MOST_DIGITS: Final = 10  # of a block's number
 _NAME = re.compile(r"\s*([PZ])\s*(\d{1,10})\s*$")
