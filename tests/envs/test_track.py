@@ -59,7 +59,7 @@ def led(env: TrackPath, mm_s: float, mm_s2: float = 1e9) -> list[tuple[Any, ...]
             return results
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "default::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("options", [{}, {"path": "random", "machine": "4030-portal", "step_s": 0.005}])
 def test_gymnasium_finds_nothing_wrong(options: dict[str, Any]) -> None:
     check_env(make(**options), skip_render_check=True)

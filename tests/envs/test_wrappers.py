@@ -20,6 +20,8 @@ from isel_twin.envs.wrappers import AlongPath, Randomised, Scaled
 
 pytestmark = [
     pytest.mark.filterwarnings("error"),
+    # of what other files have left to the garbage collector
+    pytest.mark.filterwarnings("default::pytest.PytestUnraisableExceptionWarning"),
     pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version"),  # it is: that is what is checked
 ]
 JOB = "isel_twin.envs:isel_twin/JobTuning-v0"
