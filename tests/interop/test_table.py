@@ -11,13 +11,16 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TABLE = (ROOT / "docs" / "interop.md").read_text(encoding="utf-8")
 WITNESSES, UNTRIED = TABLE.split("Not tried, and named")
-PROGRAMS = """
-Altium Autodesk com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam FlatCAM FMPy Foxglove FreeCAD Fusion gerbv
-GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad Klipper Lichtblick
-LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd pcb2gcode PlotJuggler Polars
-pre-commit ProNC pstoedit PulseView pyvcd Rerun Robot rs274 Saleae sarif-multitool ser2net sigrok Stable-Baselines3
-Surfer Vectric Verilator vpype WinPC-NC
-""".split()
+PROGRAMS = re.findall(
+    r"\S+",
+    """
+    Altium Autodesk com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam FlatCAM FMPy Foxglove FreeCAD
+    Fusion gerbv GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad
+    Klipper Lichtblick LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd
+    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pyvcd Rerun Robot rs274 Saleae
+    sarif-multitool ser2net sigrok Stable-Baselines3 Surfer Vectric Verilator vpype WinPC-NC
+    """,
+)
 
 
 def rows(text: str) -> list[list[str]]:
