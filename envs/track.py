@@ -80,7 +80,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Rewards
     The unit is the millimetre of path. The reward of a step is the sum of these terms, each also in `info`:
-    - *reward_progress*: the distance that the nearest point has moved along the path, mm; backwards is negative.
+    - *reward_progress*: the distance that the nearest point has moved along the path, mm, but no more than the tool
+      has moved in that direction; backwards is negative.
     - *reward_time*: minus `time_weight` times the time of the step.
     - *reward_deviation*: minus `deviation_weight` times the time of the step, times the square of the deviation over
       the tolerance.
@@ -89,7 +90,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     A whole path gives its length less its costs. `abort_penalty` should exceed the cost of standing still
     (`time_weight` times `time_limit_s`), or aborting would pay.
 
-    `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path), `time_s` (since the
+    `info` also has `way_mm` (how far along the path), `deviation_mm` (the largest in the step, every 2 ms at least: of
+    the tool from the path, and of a point of the path that was passed over from the tool's way), `time_s` (since the
     start), `edge` (the least factor on the speed of any motor in the last step until it swings itself out of step, inf
     at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
@@ -115,8 +117,9 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Episode End
     ### Termination
-    1. Done: the tool is within the tolerance of the end of the path, and no frequency is above 300 Hz.
-    2. Out of tolerance: the tool is further than `tolerance_mm` from the path.
+    1. Done: for 20 ms the tool has been within the tolerance of the end of the path, no frequency above 300 Hz, and no
+       rotor more than a full step from its counter.
+    2. Out of tolerance: `deviation_mm` is above `tolerance_mm`.
     3. Lost steps: counter and rotor of an axis are two full steps apart or more, where the motor pulls no longer.
     ### Truncation
     `time_limit_s` of virtual time is over.

@@ -355,9 +355,11 @@ def test_a_sampled_path_keeps_its_corners() -> None:
 def test_the_nearest_point_of_a_path_that_crosses_itself_is_on_the_branch_that_one_is_on() -> None:
     path = sampled(np.array([(0, 0, 0), (10, 0, 0), (10, 5, 0), (5, 5, 0), (5, -5, 0.0)]))
     track = np.zeros(1, tracking.TRACK)[0]
-    for way_mm, place in ((4.98, (4.98, 0.01, 0.0)), (5.02, (5.02, 0.01, 0.0))):
+    for way_mm, place in ((4.98, (4.99, 0.01, 0.0)), (5.02, (5.03, 0.01, 0.0))):
         track["way_mm"], track["piece"] = way_mm, round(way_mm * 10)
-        nearest = tracking.find(path, track, *place)
+        track["x_mm"], track["y_mm"] = place[0] - 0.02, 0.01
+        assert tracking.follow(path, track, *place) == pytest.approx(place[0] - way_mm, abs=1e-9)
+        nearest = tracking.place_on(path, track["piece"], track["way_mm"])
         np.testing.assert_allclose(nearest, (place[0], 0.0, 0.0), atol=1e-9)
         assert track["deviation_mm"] == pytest.approx(0.01)
 
