@@ -28,6 +28,7 @@ from isel_twin.envs.variations import VARIATIONS, checked, limits_rad_s, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
+from isel_twin.plant.picture import has_screen
 
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
@@ -117,8 +118,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Episode End
     ### Termination
-    1. Done: for 20 ms the tool has been within the tolerance of the end of the path, no frequency above 300 Hz, and no
-       rotor more than a full step from its counter.
+    1. Done: no frequency is above 300 Hz, and for 20 ms the tool has been within the tolerance of the end of the path
+       and no rotor more than a full step from its counter.
     2. Out of tolerance: `deviation_mm` is above `tolerance_mm`.
     3. Lost steps: counter and rotor of an axis are two full steps apart or more, where the motor pulls no longer.
     ### Truncation
@@ -126,7 +127,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Rendering
     `rgb_array` is a picture of the machine with the path on its table; `human` shows it in a window of MuJoCo's viewer,
-    in real time at most. Either needs OpenGL, the window a screen; without, one line says so.
+    in real time at most. Either needs OpenGL, the window a screen; without, one line says so, and without a screen
+    the environment's `metadata` has no "human".
 
     ## Arguments
     ```python
@@ -203,7 +205,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         least[[15, 16, 17, SIZE - 2, SIZE - 1]] = 0.0
         self.observation_space = Box(least, np.ones(SIZE), dtype=np.float64)
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1e9 / step_ns)}
+        modes = self.metadata["render_modes"] if has_screen() else ["rgb_array"]
+        self.metadata = {"render_modes": modes, "render_fps": round(1e9 / step_ns)}
         self.step_s = step_ns * 1e-9  # time of a step
         self._path = path
         self._reference_mm = reference_mm

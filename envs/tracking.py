@@ -301,16 +301,17 @@ def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, acti
             track.until_ns = end_ns
     track.deviation_mm = deviation_mm
     look(memory, track, lanes, shape_mm, path, observation)
-    over, stands = 0, path[path.shape[0] - 1, 3] - track.way_mm <= track.tolerance_mm
+    over, slow, stands = 0, True, path[path.shape[0] - 1, 3] - track.way_mm <= track.tolerance_mm
     if not deviation_mm <= track.tolerance_mm or parts.plant[0].lost_dof >= 0:
         over |= OUTSIDE
     for i in range(AXES):
         lag = parts.commanded[i] - parts.states[i].theta_rad * parts.axes[i].steps_per_rad
         if not abs(lag) < lanes[i].half_slip:
             over |= LOST
-        stands = stands and abs(lanes[i].rate_hz) <= STOPS_HZ and abs(lag) <= 0.5 * lanes[i].half_slip
+        slow = slow and abs(lanes[i].rate_hz) <= STOPS_HZ
+        stands = stands and abs(lag) <= 0.5 * lanes[i].half_slip
     track.rest_ns = track.rest_ns + track.step_ns if stands else 0
-    if over == 0 and track.rest_ns >= REST_NS:
+    if over == 0 and slow and track.rest_ns >= REST_NS:
         over = DONE
     step_s, share = 1e-9 * track.step_ns, min(1.0, track.deviation_mm / track.tolerance_mm)
     track.reward_progress = progress_mm

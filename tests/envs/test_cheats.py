@@ -45,9 +45,9 @@ def fly(env: TrackPath, corners: Iterable[tuple[float, float]], mm_s: float, mm_
     return steps
 
 
-def stand(env: TrackPath) -> list[Any]:
-    """The steps of a machine that is told to stand until its episode is over."""
-    steps: list[Any] = []
+def stand(env: TrackPath, flown: list[Any] | None = None) -> list[Any]:
+    """The steps of a machine that is told to stand, behind those it has flown, until its episode is over."""
+    steps = list(flown or [])
     while not (steps and (steps[-1][2] or steps[-1][3])):
         steps.append(env.step(np.zeros(3, np.float32)))
     return steps
@@ -76,8 +76,7 @@ def test_an_end_in_full_flight_is_not_done(mm_s: float, ends: str) -> None:
 def test_who_is_done_stays_done() -> None:
     """Half a second later the tool is still where it has to be, and no rotor has slipped."""
     env = track([(0, 0), (10, 0)])
-    fly(env, [(10.0, 0.0)], 30.0)
-    assert stand(env)[-1][-1]["ended"] == "done"
+    assert stand(env, fly(env, [(10.0, 0.0)], 30.0))[-1][-1]["ended"] == "done"
     for _ in range(250):
         env.steps_left = 2
         observation, *_, info = env.step(np.zeros(3, np.float32))
@@ -102,8 +101,8 @@ def test_the_tip_of_a_hairpin_cannot_be_left_out() -> None:
     assert steps[-1][-1]["ended"] == "outside"
     assert progress(steps) < 9.7
     env = track([(0, 0), (10, 0), (0, 0.01)])
-    fly(env, [(9.96, 0.0), (9.96, 0.02), (0.0, 0.02)], 20.0)  # within the tolerance
-    assert stand(env)[-1][-1]["ended"] == "done"
+    flown = fly(env, [(9.96, 0.0), (9.96, 0.02), (0.0, 0.02)], 20.0)  # within the tolerance
+    assert stand(env, flown)[-1][-1]["ended"] == "done"
 
 
 def test_there_and_back_gains_nothing() -> None:
@@ -120,8 +119,7 @@ def test_to_stand_or_to_break_off_costs_more_than_the_way() -> None:
     env = track("corner", time_limit_s=1.0)
     away = sum(reward for _, reward, *_ in fly(env, [(0.0, 5.0)], 20.0))
     env = track("corner", time_limit_s=5.0)
-    done = [*fly(env, [(20.0, 0.0), (20.0, 15.0)], 20.0)]
-    done += [] if done[-1][2] else stand(env)
+    done = stand(env, fly(env, [(20.0, 0.0), (20.0, 15.0)], 20.0))
     assert done[-1][-1]["ended"] == "done"
     assert still == pytest.approx(-10.0, abs=0.1)  # the time
     assert away < still < 0.0 < sum(reward for _, reward, *_ in done)

@@ -61,8 +61,20 @@ def led(env: TrackPath, mm_s: float, mm_s2: float = 1e9) -> list[tuple[Any, ...]
 
 @pytest.mark.filterwarnings("error", "default::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("options", [{}, {"path": "random", "machine": "4030-portal", "step_s": 0.005}])
-def test_gymnasium_finds_nothing_wrong(options: dict[str, Any]) -> None:
-    check_env(make(**options), skip_render_check=True)
+def test_gymnasium_finds_nothing_wrong(options: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a computer without a screen, pictures included if there is OpenGL."""
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    env = make(**options, render_mode="rgb_array")
+    env.reset()
+    try:
+        env.render()
+    except RuntimeError as error:
+        assert str(error).startswith("no picture without OpenGL")
+        check_env(env, skip_render_check=True)
+    else:
+        check_env(env)
 
 
 def test_pulses_are_evenly_spaced_whatever_the_steps() -> None:
