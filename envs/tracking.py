@@ -29,7 +29,7 @@ PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # distances of the observed points ahead
 SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
 DONE, OUTSIDE, LOST = 1, 2, 4  # what `take_step` returns: bits, 0 if the episode goes on
 STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: the limit at the end of the path
-REST_NS = 20_000_000  # time for which the machine must have stood at the end: two swings of a rotor, one of a portal (envs/11)
+REST_NS = 20_000_000  # rest at the end: two swings of a rotor, one of a portal (envs/11)
 LOOK_NS = 2_000_000  # the tool is compared with the path at least this often
 BACK_MM = 1.0  # the search for the nearest point goes this far back, and this far beyond the reach of a step
 

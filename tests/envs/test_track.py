@@ -66,15 +66,14 @@ def test_gymnasium_finds_nothing_wrong(options: dict[str, Any], monkeypatch: pyt
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    env = make(**options, render_mode="rgb_array")
-    env.reset()
+    shown = make(**options, render_mode="rgb_array")
+    shown.reset()
     try:
-        env.render()
-    except RuntimeError as error:
-        assert str(error).startswith("no picture without OpenGL")
-        check_env(env, skip_render_check=True)
+        shown.render()
+    except RuntimeError:  # no OpenGL
+        check_env(make(**options), skip_render_check=True)
     else:
-        check_env(env)
+        check_env(shown)
 
 
 def test_pulses_are_evenly_spaced_whatever_the_steps() -> None:
