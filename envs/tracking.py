@@ -152,8 +152,8 @@ def follow(path, track, x, y, z):
     """Follow the tool to a place; return its progress in mm. Sets piece, way, deviation and place of the track.
 
     The nearest point of the path [m, 4] is looked for near the last one. The deviation is the tool's from there, or
-    that of a point in between from the tool's way. Progress is how far the nearest point has gone on; forwards, no more
-    than the tool has moved in that direction.
+    that of a point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point
+    has gone on; forwards, no more than the tool has moved in that direction.
     """
     low_mm, high_mm = track.way_mm - BACK_MM, track.way_mm + BACK_MM + track.reach_mm
     j = track.piece
@@ -174,7 +174,9 @@ def follow(path, track, x, y, z):
     deviation_mm, progress_mm = math.sqrt(least), way_mm - track.way_mm
     if progress_mm > 0.0:
         for passed in range(track.piece + 1, piece + 1):
-            deviation_mm = max(deviation_mm, _off_mm(path, passed, track, x, y, z))
+            off_mm = _off_mm(path, passed, track, x, y, z)
+            if off_mm > track.tolerance_mm:
+                deviation_mm = max(deviation_mm, off_mm)
         from_x, from_y, from_z = place_on(path, track.piece, track.way_mm)
         to_x, to_y, to_z = place_on(path, piece, way_mm)
         d_x, d_y, d_z = to_x - from_x, to_y - from_y, to_z - from_z
