@@ -92,9 +92,9 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     (`time_weight` times `time_limit_s`), or aborting would pay.
 
     `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path, the largest of looks
-    every 2 ms; or, if it is above the tolerance, of a point of the path that was passed over from the tool's way), `time_s` (since the
-    start), `edge` (the least factor on the speed of any motor in the last step until it swings itself out of step, inf
-    at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
+    every 2 ms; or, if it is above the tolerance, of a point of the path that was passed over from the tool's way),
+    `time_s` (since the start), `edge` (the least factor on the speed of any motor in the last step until it swings
+    itself out of step, inf at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
     ## Starting State
     The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
