@@ -20,7 +20,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 NAMES = [f"python3.{minor}" for minor in range(11, 15)]
 SMOKE = ("tests/smoke", "tests/panel/test_site.py", "tests/bridge/test_editor.py")
-MORE = ("tests/test_borders.py", "tests/test_save.py", "tests/test_roles.py", "tests/cli/test_broken_plugins.py")
+MORE = (
+    *("tests/test_borders.py", "tests/test_save.py", "tests/test_roles.py", "tests/cli/test_broken_plugins.py"),
+    "tests/bridge/test_virtual_host.py",  # private parts of CPython
+)
 
 
 def interpreters() -> Iterator[tuple[str, Path]]:
