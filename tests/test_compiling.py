@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
+from tests.reliability.figures import code_mb
 
 pytestmark = pytest.mark.long(seconds=14)
 
@@ -323,24 +324,13 @@ def test_code_is_found_where_it_can_only_be_read(tmp_path: Path) -> None:
     assert (values[0], "no folder to keep compiled code in" in said) == (101, True)
 
 
-def resident_kb(rights: str) -> int:
-    """Of LLVM's library, with these rights."""
-    found, counts = 0, False
-    for line in Path("/proc/self/smaps").read_text().splitlines():
-        if "-" in line.split()[0]:
-            counts = "libllvmlite" in line and line.split()[1] == rights
-        elif counts and line.startswith("Rss:"):
-            found += int(line.split()[1])
-    return found
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for its pages")
 def test_llvms_code_is_given_back_and_read_again() -> None:
     stamp = object_code._stamp(object_code.give_back, ())
-    before_kb = resident_kb("r-xp")
+    before_mb = code_mb("self", "libllvmlite")
     object_code.give_back()
-    assert before_kb > 10_000
-    assert resident_kb("r-xp") < before_kb / 10
+    assert before_mb > 10.0
+    assert code_mb("self", "libllvmlite") < before_mb / 10.0
     object_code._computer.cache_clear()
     assert object_code._stamp(object_code.give_back, ()) == stamp
-    assert 0 < resident_kb("r-xp") < before_kb
+    assert 0.0 < code_mb("self", "libllvmlite") < before_mb
