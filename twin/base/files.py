@@ -72,7 +72,7 @@ class Replacement:
             except BaseException:
                 self._folder.close()
                 raise
-        _try_lock(self._handle)  # while it is held, nobody takes it for a left-over
+        try_lock(self._handle)  # while it is held, nobody takes it for a left-over
         self.file: IO[bytes] = os.fdopen(self._handle, "wb", closefd=False)
 
     def put(self) -> None:
@@ -286,7 +286,7 @@ class _Folder:
         except ProcessLookupError:  # here; in another container, its lock tells
             handle = self.open(name, os.O_RDONLY | _ALWAYS | _AT_ONCE)
             try:
-                return _try_lock(handle)
+                return try_lock(handle) is not False
             finally:
                 os.close(handle)
         except OSError:
@@ -294,18 +294,18 @@ class _Folder:
         return False
 
 
-def _try_lock(handle: int) -> bool:
-    """Lock a file for this process; False if another one has it."""
+def try_lock(handle: int) -> bool | None:
+    """Lock a file for this process. False: another process has it; None: there are no locks here."""
     try:
         import fcntl
     except ImportError:  # Windows
-        return True
+        return None
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # a file system without locks
-        return True
+        return None
     return True
 
 
@@ -354,21 +354,16 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
 
     Raises OSError if it has an owner.
     """
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return None, False
-    while True:
+    while not _WINDOWS:
         handle, found = _open_lock(lock, name)
         if handle is None:
             return None, False
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        locked = try_lock(handle)
+        if locked is False:
             owner = os.read(handle, 20)
             os.close(handle)
-            raise _in_use(name, int(owner) if owner.isdigit() else 0) from None
-        except OSError:  # a file system without locks
+            raise _in_use(name, int(owner) if owner.isdigit() else 0)
+        if locked is None:
             os.close(handle)
             return None, found
         with suppress(FileNotFoundError):
@@ -379,6 +374,7 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
                         os.write(handle, b"%d" % os.getpid())
                 return handle, found
         os.close(handle)  # its last owner has removed it while we waited for it
+    return None, False
 
 
 def _open_lock(lock: str, name: str) -> tuple[int | None, bool]:
