@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,6 @@ from isel_twin.cam.reader import text_lines
 from isel_twin.cam.registry import reader_for, reader_named
 from isel_twin.cam.settings import CamSettings, read_cam
 from isel_twin.capture.load import load as load_capture
-from isel_twin.controller import create_controller
-from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs import golden, project
 from isel_twin.jobs.checks import settings
 from isel_twin.jobs.job import decode_job, parse_job
@@ -29,6 +26,11 @@ from isel_twin.many.studies.table import read_rows
 from isel_twin.recordings.reading import read
 from isel_twin.recordings.replay import rebuilt
 from isel_twin.wiring.scenario import load_scenario
+from tests.fuzz.kept import KEPT
+from tests.fuzz.mutate import in_turn, mutated, restructured, retold
+from tests.fuzz.shown import SHOWN
+from tests.fuzz.talk import TALK
+from tests.fuzz.trial import Reader
 from tests.in_process import isel_twin
 
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30  # a move\n! x == 5 +- 0.1 mm\n<0.5s>\n@0P => *\n"
@@ -74,15 +76,6 @@ VCD += "#0\n0!\n1#\n#5000\n1!\n#9000\n0!\n"
 KLIPPER = "config_stepper oid=4 step_pin=PA1 dir_pin=PA2 invert_step=0\nreset_step_clock oid=4 clock=900\n"
 KLIPPER += "set_next_step_dir oid=4 dir=1\nqueue_step oid=4 interval=100 count=9 add=-3\n"
 GRBLHAL = "# block number 0\n0.00100 0, 0, 0, 0\n0.00200 4, -2, 0, 0\n0.00300 5, -2, 1, 0\n"
-
-
-@dataclass(frozen=True)
-class Reader:
-    """sample: makes a valid file in a folder; read: reads it there, by the name it has been given."""
-
-    name: str
-    sample: Callable[[Path], bytes]
-    read: Callable[[Path], object]
 
 
 def _text(text: str) -> Callable[[Path], bytes]:
@@ -145,20 +138,6 @@ def _settings(path: Path) -> None:
     project.fixtures(path)
 
 
-def _flash(controller: str, commands: tuple[bytes, ...]) -> Reader:
-    machine = "4030-servo" if controller in ("gmi99", "bwo900") else "4030"
-
-    def sample(folder: Path) -> bytes:
-        twin = TwinSpec(machine, controller=controller, plant="kinematic", flash=folder / "flash.bin").build()
-        for command in commands:
-            twin.write(command)
-            twin.run(10.0)
-        file = folder / "flash.bin"
-        return file.read_bytes() if file.is_file() else bytes(64)
-
-    return Reader(f"flash-{controller}", sample, lambda path: create_controller(controller, flash=path.read_bytes()))
-
-
 def _cam(name: str) -> Callable[[Path], None]:
     def read(path: Path) -> None:
         reader_for(path.read_bytes().decode("latin-1"), path.suffix)
@@ -177,6 +156,7 @@ def _captured(path: Path) -> object:
     return load_capture(path)
 
 
+TOML_CHANGES, NO_TOML = in_turn(mutated, retold, retold, restructured), "not a TOML file"
 SETTABLE = Twin(plant="kinematic").settable
 
 
@@ -189,13 +169,13 @@ READERS: Mapping[str, Reader] = {
         Reader("capture.npz", _steps, _captured),
         Reader("capture.dump", _text(KLIPPER), lambda path: load_capture(path, sample_rate_hz=1e6)),
         Reader("capture.out", _text(GRBLHAL), _captured),
-        Reader("machine.toml", _text(MACHINE), _machine),
-        Reader("scenario.toml", _text(SCENARIO), lambda path: load_scenario(path, SETTABLE)),
-        Reader("isel-twin.toml", _text(SETTINGS), _settings),
-        Reader("plan.toml", _text(SWEEP), _plan),
-        Reader("measured.toml", _text(MEASURED), read_measured),
+        Reader("machine.toml", _text(MACHINE), _machine, TOML_CHANGES, NO_TOML),
+        Reader("scenario.toml", _text(SCENARIO), lambda path: load_scenario(path, SETTABLE), TOML_CHANGES, NO_TOML),
+        Reader("isel-twin.toml", _text(SETTINGS), _settings, TOML_CHANGES, NO_TOML),
+        Reader("plan.toml", _text(SWEEP), _plan, TOML_CHANGES, NO_TOML),
+        Reader("measured.toml", _text(MEASURED), read_measured, TOML_CHANGES, NO_TOML),
         Reader("measured.csv", _text("recording,command,axis,mm,gauge\nday1,20,x,0.412,push\n"), read_measured),
-        Reader("golden", _golden, golden.load),
+        Reader("golden", _golden, golden.load, TOML_CHANGES, NO_TOML),
         Reader("table.parquet", _swept, read_rows),
         Reader("job-imc.txt", _text(JOB), _job("imc-s8")),
         Reader("job-ismif.txt", _text("L1,X3000<1>\n$H\n"), _job("ismif")),
@@ -205,9 +185,9 @@ READERS: Mapping[str, Reader] = {
         Reader("part.ngc", _text(GCODE), _cam("gcode")),
         Reader("part.plt", _text(HPGL), _cam("hpgl")),
         Reader("part.drl", _text(DRILL), _cam("excellon")),
-        Reader("cam.toml", _text(CAM), _cam_settings),
-        _flash("imc-s8", (b"@07\r", b"@0IJ50\r", b"@0IW\r")),
-        _flash("gmi99", (b"Q7;1\r",)),
-        _flash("bwo900", ()),
+        Reader("cam.toml", _text(CAM), _cam_settings, TOML_CHANGES, NO_TOML),
+        *KEPT,
+        *SHOWN,
+        *TALK,
     )
 }

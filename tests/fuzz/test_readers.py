@@ -20,7 +20,7 @@ FILES = 200
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
-    assert list(trials(READERS[name], tmp_path, drawn(FILES))) == []
+    assert trials(READERS[name], tmp_path, drawn(FILES)).wrong == []
 
 
 def test_mutations_change_something_and_are_the_same_again() -> None:

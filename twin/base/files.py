@@ -28,6 +28,7 @@ import threading
 import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, TextIO
 
@@ -37,6 +38,7 @@ _WINDOWS = os.name == "nt"
 _ALWAYS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 _NEW = os.O_CREAT | os.O_EXCL | _ALWAYS
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe in the place of a file keeps nobody waiting
+DIGEST_BYTES = 32
 _MOST_LINKS = 40  # in a row, as Linux follows
 _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
@@ -307,6 +309,22 @@ def try_lock(handle: int) -> bool | None:
     except OSError:  # a file system without locks
         return None
     return True
+
+
+# ---- whole or damaged ----------------------------------------------------------------------------------------------
+
+
+def sealed(data: bytes) -> bytes:
+    """The data behind their digest, for what is not safe to look at when a bit of it has changed."""
+    return sha256(data).digest() + data
+
+
+def unsealed(data: bytes) -> bytes:
+    """What was sealed. Raises ValueError unless every bit is as it was."""
+    digest, inner = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
+    if digest != sha256(inner).digest():
+        raise ValueError("damaged")
+    return inner
 
 
 # ---- one owner -----------------------------------------------------------------------------------------------------
