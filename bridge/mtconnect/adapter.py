@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
+from isel_twin.base.printable import shown_line
 from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, values
 from isel_twin.bridge.operate.client import ClientError
 from isel_twin.bridge.operate.conditions import State
@@ -54,6 +55,7 @@ def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list
 
 
 def _quoted(text: str) -> str:
+    text = shown_line(text)  # a line end in it would be the end of this line
     if "|" in text or '"' in text:
         escaped = text.replace('"', '\\"').replace("|", "\\|")
         return f'"{escaped}"'

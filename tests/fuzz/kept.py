@@ -25,7 +25,7 @@ from isel_twin.many.studies.plan import load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.table import Table, journal_of
 from isel_twin.testing import Desk
-from tests.fuzz.mutate import Mutation, either, in_turn, mutated, replanted, reshaped, restructured, retold
+from tests.fuzz.mutate import Mutation, either, in_turn, mutated, renumbered, replanted, reshaped, restructured, retold
 from tests.fuzz.trial import Reader
 from tests.in_process import isel_twin
 
@@ -72,8 +72,8 @@ def _flash(controller: str, sample: Callable[[], bytes], after: bytes, decode: C
 def _sealed(image: bytes, seed: int) -> bytes:
     """Other content under a checksum that fits it."""
     head, _, body = image.partition(b"\n")
-    tree = json.loads(reshaped(body, seed))
-    return flash_image.encode(head[:-8], tree)
+    body = in_turn(reshaped, renumbered)(body, seed // 4)
+    return head[:-8] + b"%08x\n" % zlib.crc32(body) + body
 
 
 def _sealed_memory(image: bytes, seed: int) -> bytes:
@@ -87,10 +87,10 @@ def _sealed_memory(image: bytes, seed: int) -> bytes:
     }
     texts: list[bytes] = []
     for name, program in sorted(store.items()):
-        packed = zlib.compress(restructured(program.text, draw.randrange(1 << 30)), 1)
+        packed = zlib.compress(restructured(program.text, seed) if draw.random() < 0.2 else program.text, 1)
         texts.append(packed)
         head["programs"].append([name, len(packed)])
-    packed = zlib.compress(reshaped(json.dumps(head).encode(), seed), 1)
+    packed = zlib.compress(in_turn(reshaped, renumbered)(json.dumps(head).encode(), seed // 4), 1)
     rest = b"".join((*texts, packed, len(packed).to_bytes(memory.SIZE, "little")))
     return memory.MAGIC + zlib.crc32(rest).to_bytes(memory.SIZE, "little") + rest
 
@@ -184,7 +184,7 @@ def _lines_reshaped(data: bytes, seed: int) -> bytes:
 
 ENTRY = {
     "pid": 4711, "command": "serve", "machine": "4030", "controller": "imc-s8",
-    "ports": [{"kind": "pty", "address": "/tmp/imc", "device": "/dev/pts/7"}, {"kind": "tcp", "address": "127.0.0.1:9"}],
+    "ports": [{"kind": "pty", "address": "/tmp/imc", "device": "/dev/pts/7"}, {"kind": "tcp", "address": "[::1]:9"}],
 }  # fmt: skip
 
 

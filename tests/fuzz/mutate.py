@@ -1,5 +1,5 @@
-"""Mutated files, each from a seed: some bytes changed, or whole lines, words and numbers of a file that stays one of its
-kind, so that a reader gets further than the first of them."""
+"""Mutated files, each from a seed: some bytes changed, or whole lines, words and numbers of a file that stays one of
+its kind, so that a reader gets further than the first of them."""
 
 from __future__ import annotations
 
@@ -106,6 +106,14 @@ def restructured(data: bytes, seed: int, head: int = 0) -> bytes:
     for _ in range(draw.randint(1, 4)):
         rest = draw.choice(_OF_LINES)(rest, draw) if rest else rest
     return b"".join((*kept, *rest))
+
+
+def renumbered(data: bytes, seed: int) -> bytes:
+    """One or two numbers are other ones."""
+    draw = random.Random(seed)
+    for _ in range(draw.randint(1, 2)):
+        data = b"".join(_number_changed([data], draw))
+    return data
 
 
 def in_turn(*mutations: Mutation) -> Mutation:

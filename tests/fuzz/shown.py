@@ -1,27 +1,29 @@
 """Pages and terminals: jobs, programs and their names as an attacker writes them, and what is made of them.
 
-A page has no element and no attribute of the job's, and all its elements close; a terminal gets no character that steers
-it.
+A page has no element and no attribute of the job's, and all its elements close; a terminal gets no character that
+steers it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from html.parser import HTMLParser
 from pathlib import Path
 from random import Random
 from subprocess import CompletedProcess
 
-from tests.fuzz.mutate import restructured
+from tests.fuzz.mutate import Mutation, restructured
 from tests.fuzz.trial import Reader
 from tests.in_process import isel_twin
 
 HOSTILE = (
     "<zz onzz=1>", "'><zz zz='", '"><zz zz="', "' zz='1", '" zz="1', "</title><zz>", "</script><script>zz()</script>",
-    "</style><zz>", "<!-- zz", "]]><zz>", "--><zz>", "&#60;zz&#62;", "&lt;zz&gt;", "<svg onload=zz()>", "</td></table><zz>",
-    "javascript:zz()", "{{zz}}", "${zz}", "<zz", "\\x1b[31mzz", "\x1b[2J", "\x1b]0;zz\x07", "\x9b31m", "\x85", "\x08\x08",
-    "\r", "\u202ezz", "\u2028", "\ufeff", "\x00", "\xad", "é ☃", "\t",
+    "</style><zz>", "<!-- zz", "]]><zz>", "--><zz>", "&#60;zz&#62;", "&lt;zz&gt;", "<svg onload=zz()>",
+    "</td></table><zz>", "javascript:zz()", "{{zz}}", "${zz}", "<zz", "\\x1b[31mzz", "\x1b[2J", "\x1b]0;zz\x07",
+    "\x9b31m", "\x85", "\x08\x08", "\r", "\u202ezz", "\u2028", "\ufeff", "\x00", "\xad", "é ☃", "\t",
 )  # fmt: skip
 VOID = {"meta", "br", "hr", "img", "input", "link", "wbr", "col"}
 # what steers a terminal (ECMA-48 C0 and C1 but line end and tab, Unicode's marks of direction), written down anew
@@ -81,114 +83,121 @@ def check_terminal(done: CompletedProcess[str]) -> None:
     assert done.returncode in (0, 1, 2), done
 
 
-def sprinkled(data: bytes, seed: int) -> bytes:
-    """Hostile words at one to five places, as a comment, an argument or a line."""
-    draw = Random(seed)
-    text = restructured(data, seed).decode("latin-1") if draw.random() < 0.3 else data.decode("latin-1")
-    for _ in range(draw.randint(1, 5)):
-        at = draw.randrange(len(text) + 1)
-        lead = draw.choice(("", "", " ", "# ", "\n", "(", "\n# "))
-        text = text[:at] + lead + draw.choice(HOSTILE) + text[at:]
-    return text.encode("utf-8", "surrogateescape")
+def sprinkled(comment: str, end: str = "", command: Callable[[str], str] | None = None) -> Mutation:
+    """Hostile words at one to five places: behind `comment`, in a command, seldom anywhere. command: how a command
+    carries them."""
+
+    def mutate(data: bytes, seed: int) -> bytes:
+        draw = Random(seed)
+        lines = data.decode().split("\n")
+        for _ in range(draw.randint(1, 5)):
+            at, word = draw.randrange(len(lines) - 1), draw.choice(HOSTILE)
+            line, kind = lines[at], draw.random()
+            place = draw.randrange(len(line) + 1)
+            if kind < 0.05:
+                lines[at] = line[:place] + word + line[place:]
+            elif kind < 0.5 and command is not None and line[:1] not in ("!", "#", ""):
+                lines[at] = line[:place] + command(word) + line[place:]
+            else:
+                lines[at] = f"{line}  {comment}{word.replace(end, '') if end else word}{end}"
+        text = "\n".join(lines).encode("utf-8", "surrogateescape")
+        return restructured(text, seed) if draw.random() < 0.2 else text
+
+    return mutate
 
 
-def _name(path: Path) -> Path:
-    """The job under a name that is hostile too, drawn from its content."""
+def in_angles(word: str) -> str:
+    """Bytes of a command as a job writes them."""
+    return "".join(c if " " < c < "\x7f" and c not in "<>#\\" else f"<{ord(c)}>" for c in word if ord(c) < 256)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[Path]:
+    """The job under a name that is hostile too, drawn from its content, in a folder that is empty afterwards."""
     data = path.read_bytes()
     draw = Random(data)
     word = "".join(draw.choice(HOSTILE) for _ in range(2)).replace("/", "").replace("\0", "")[:60]
     hostile = path.with_name(f"{word}{path.suffix}")
     hostile.write_bytes(data)
-    return hostile
+    try:
+        yield hostile
+    finally:
+        for entry in {*path.parent.iterdir()} - {path}:
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
 
-def _run_page(path: Path) -> None:
-    _made_page(_name(path), "run", "--plant", "kinematic")
+KINEMATIC = ("--plant", "kinematic")
 
 
-def _check_page(path: Path) -> None:
-    job, folder = _name(path), path.parent / "pages"
-    done = isel_twin("check", job, "--plant", "kinematic", "--report", folder)
-    check_terminal(done)
-    job.unlink()
-    pages = list(folder.glob("*.htm*")) if folder.is_dir() else []
+def _made(folder: Path, done: CompletedProcess[str]) -> None:
+    """The pages in a folder are sound."""
+    pages = list(folder.rglob("*.html"))
     for page in pages:
         check_page(page.read_text(encoding="utf-8"))
-        page.unlink()
     if not pages:
-        raise ValueError("no page")
+        raise ValueError(f"no page: {done.stderr.strip().replace(chr(10), ' ')[-100:]}")
 
 
-def _made_page(job: Path, command: str, *words: object) -> None:
-    page = job.with_name("page.html")
-    done = isel_twin(command, job, *words, "--report", page)
-    check_terminal(done)
-    job.unlink()
-    if not page.is_file():
-        raise ValueError("no page")
-    check_page(page.read_text(encoding="utf-8"))
-    page.unlink()
+def _page(*call: object) -> Callable[[Path], None]:
+    def read(path: Path) -> None:
+        with _named(path) as job:
+            page = job.with_name("page" if "check" in call else "page.html")
+            done = isel_twin(*call, job, *KINEMATIC, "--report", page)
+            check_terminal(done)
+            _made(path.parent, done)
+
+    return read
 
 
 def _compared(path: Path) -> None:
     """Two recordings of the same job under hostile names, as a page and in a terminal."""
-    job = _name(path)
-    recorded = []
-    for seed in (1, 2):
-        name = job.with_suffix(f".{seed}.mcap")
-        check_terminal(isel_twin("run", job, "--plant", "kinematic", "--seed", seed, "--record", name))
-        recorded.append(name)
-    job.unlink()
-    if not all(name.is_file() for name in recorded):
-        raise ValueError("no page")
-    page = path.with_name("compared.html")
-    check_terminal(isel_twin("compare", *recorded, "--report", page))
-    check_page(page.read_text(encoding="utf-8"))
-    for made in (page, *recorded):
-        made.unlink()
+    with _named(path) as job:
+        recorded = [job.with_suffix(f".{seed}.mcap") for seed in (1, 2)]
+        for seed, name in enumerate(recorded):
+            check_terminal(isel_twin("run", job, *KINEMATIC, "--seed", seed, "--record", name))
+        done = isel_twin("compare", *recorded, "--report", path.with_name("page.html"))
+        check_terminal(done)
+        _made(path.parent, done)
 
 
 def _terminal(*calls: tuple[object, ...]) -> Callable[[Path], None]:
-    """Commands with the file as their last word."""
+    """Commands about the file. What `convert` writes is data: its standard output is not looked at."""
 
     def read(path: Path) -> None:
-        job = _name(path)
-        codes = []
-        for call in calls:
-            done = isel_twin(*(job if word == "FILE" else word for word in call))
-            check_terminal(done)
-            codes.append(done.returncode)
-        job.unlink()
-        if 2 in codes:
-            raise ValueError("refused")
+        with _named(path) as job:
+            for call in calls:
+                done = isel_twin(*(job if word == "FILE" else word for word in call))
+                check_terminal(done if "convert" not in call else _without_data(done))
+                if done.returncode == 2:
+                    raise ValueError(f"refused: {done.stderr.splitlines()[-1][-80:]}")
 
     return read
+
+
+def _without_data(done: CompletedProcess[str]) -> CompletedProcess[str]:
+    return CompletedProcess(done.args, done.returncode, "", done.stderr)
 
 
 JOB = b"@07\n@0N7\n# a job\n@0A1600,800,0,30,0,30,0,30\n! x == 5 +- 0.1 mm\n@0P => *\n@0X\n"
 NCP = b"IMF_PBL part\nN5 VEL 9000\nFASTABS X1000 Y2000\n; a part\nMOVEABS Z-500\nPROGEND\n"
 GCODE = b"%\n(a part)\nG21 G90\nG0 X1 Y2\nG1 Z-.5 F300\nM30\n%\n"
-EITHER_PLANT = ("--plant", "kinematic")
 
 
 def _bytes(data: bytes) -> Callable[[Path], bytes]:
     return lambda _: data
 
 
+_of_job = sprinkled("# ", "", in_angles)
+_CHECKED = (("check", "FILE", *KINEMATIC), ("check", "FILE", "--json", *KINEMATIC))
+_OF_JOB = _terminal(
+    ("run", "FILE", *KINEMATIC), *_CHECKED, ("decode", "FILE"), ("golden", "record", "FILE", *KINEMATIC)
+)
+_OF_PART = _terminal(("convert", "FILE"), ("check", "FILE", *KINEMATIC))
 SHOWN = (
-    Reader("page-run.txt", _bytes(JOB), _run_page, sprinkled, "no page"),
-    Reader("page-check.txt", _bytes(JOB), _check_page, sprinkled, "no page"),
-    Reader("page-compare.txt", _bytes(JOB), _compared, sprinkled, "no page"),
-    Reader(
-        "terminal-job.txt",
-        _bytes(JOB),
-        _terminal(
-            ("run", "FILE", *EITHER_PLANT), ("check", "FILE", *EITHER_PLANT), ("check", "FILE", "--json", *EITHER_PLANT),
-            ("decode", "FILE"), ("golden", "compare", "FILE"),
-        ),
-        sprinkled,
-        "refused",
-    ),
-    Reader("terminal-part.ncp", _bytes(NCP), _terminal(("convert", "FILE"), ("check", "FILE")), sprinkled, "refused"),
-    Reader("terminal-part.ngc", _bytes(GCODE), _terminal(("convert", "FILE"), ("check", "FILE")), sprinkled, "refused"),
-)  # fmt: skip
+    Reader("page-run.txt", _bytes(JOB), _page("run"), _of_job, "no page"),
+    Reader("page-check.txt", _bytes(JOB), _page("check"), _of_job, "no page"),
+    Reader("page-compare.txt", _bytes(JOB), _compared, _of_job, "no page"),
+    Reader("terminal-job.txt", _bytes(JOB), _OF_JOB, _of_job, "refused"),
+    Reader("terminal-part.ncp", _bytes(NCP), _OF_PART, sprinkled("; "), "refused"),
+    Reader("terminal-part.ngc", _bytes(GCODE), _OF_PART, sprinkled("(", ")"), "refused"),
+)
