@@ -302,6 +302,15 @@ def test_texts_with_bars_are_quoted() -> None:
     assert lines(normal, normal, "T") == []
 
 
+def test_texts_of_a_machine_neither_end_a_line_nor_break_the_file_of_devices() -> None:
+    """A line end begins a line of its own (part 5), and XML has no control characters (XML 1.0, 2.2)."""
+    evil = "x\r\n2026-11-22T12:00:00Z|Xact|9\x1b\0"
+    told = lines(values(state(fault=True, fault_cause=evil)), values(state()), "T")
+    assert [one for one in told if set(one) & set("\r\n\x1b\0")] == []
+    assert not any(line.startswith("2026") for line in "\n".join(told).splitlines())
+    ElementTree.fromstring(devices(state(machine=evil, controller=evil)))
+
+
 def test_without_a_machine_it_says_so() -> None:
     done = isel_twin("mtconnect", "127.0.0.1:1")
     assert done.returncode == 2
