@@ -12,6 +12,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from isel_twin.base import object_code
 from isel_twin.bridge.fmu import slaves
 from isel_twin.bridge.serve import registry
 from isel_twin.core.spec import TwinSpec
@@ -21,6 +22,7 @@ from isel_twin.firmware.bwo900.programs.stored import Store, StoredProgram
 from isel_twin.firmware.gmi99 import settings as gmi99
 from isel_twin.firmware.imc import settings as imc
 from isel_twin.machine import load_machine
+from isel_twin.many.identification.replays import Replays
 from isel_twin.many.studies.plan import load_plan
 from isel_twin.many.studies.points import points
 from isel_twin.many.studies.table import Table, journal_of
@@ -30,6 +32,9 @@ from tests.fuzz.trial import Reader
 from tests.in_process import isel_twin
 
 MODELS = Path(__file__).parents[2] / "models"
+MODEL = MODELS / "4030" / "4030.xml"
+SLOW = 20  # files
+NOTHING = "(?!)"  # what stands behind a digest is refused at once, which is what the digest is for
 JOB = "@07\n@0N7\n@0A1600,800,0,30,0,30,0,30\n@0P => *\n"
 SWEEP = '[sweep]\njob = "job.txt"\nplant = "kinematic"\nseeds = 2\n[machine]\n'
 SWEEP += '"payload.mass" = { values = [0, 4], unit = "kg" }\n'
@@ -221,6 +226,31 @@ def _environment(**variables: str) -> Iterator[None]:
                 os.environ[name] = value
 
 
+def _replays(_: Path) -> bytes:
+    return b"".join(json.dumps({"key": key, "values": [1.0, 2.5, -3.0]}).encode() + b"\n" for key in "abcdefgh")
+
+
+def _of_replays(path: Path) -> None:
+    if not Replays(journal=path)._known:
+        raise ValueError("no replay is left")
+
+
+def _code(folder: Path) -> bytes:
+    """Kept object code, which need not be any as long as nobody calls it."""
+    with _environment(NUMBA_CACHE_DIR=str(folder)):
+        object_code.keep(_code, (), (int,), object_code.Code("symbol", "int64", ("malloc",), bytes(range(256))))
+        return object_code._place(_code).read_bytes()
+
+
+def _of_code(path: Path) -> None:
+    with _environment(NUMBA_CACHE_DIR=str(path.parent)):
+        sound = object_code._place(_code)
+        sound.write_bytes(path.read_bytes())
+        if (kept := object_code._kept(_code, ())) == {}:
+            raise ValueError("made anew")
+        assert kept[(int,)].code == bytes(range(256))
+
+
 # ---- states ----------------------------------------------------------------------------------------------------------
 
 
@@ -248,16 +278,20 @@ KEPT = (
     _flash("imc-s8", _imc, b"@0V\r@0P\r@0S\r", imc.decode),
     _flash("gmi99", _gmi99, b"Q7;1\r", gmi99.decode),
     Reader("flash-bwo900", _memory, _of_memory, in_turn(mutated, *[_sealed_memory] * 3), "damaged"),
-    Reader("4030.toml", _machine_file("4030"), _machine("4030"), _toml, "not a TOML file"),
-    Reader("4030-servo.toml", _machine_file("4030-servo"), _machine("4030-servo"), _toml, "not a TOML file"),
+    Reader("4030.toml", _machine_file("4030"), _machine("4030"), _toml, "not a TOML file", SLOW),
+    Reader("4030-servo.toml", _machine_file("4030-servo"), _machine("4030-servo"), _toml, "not a TOML file", SLOW),
     Reader(
         "4030.xml",
-        lambda _: (MODELS / "4030/4030.xml").read_bytes(),
+        lambda _: MODEL.read_bytes(),
         _model,
         in_turn(either, *[replanted] * 3),
         "XML: ",
     ),
-    Reader("plan.parquet.journal", _rows, _journal, in_turn(either, *[_lines_reshaped] * 3), "no row"),
-    Reader("registry", lambda _: json.dumps(ENTRY).encode(), _registry, in_turn(either, *[reshaped] * 3), "nothing"),
-    Reader("fmu-state", _fmu_state, _fmu_restored, mutated, "no state of an FMU"),
+    Reader("plan.parquet.journal", _rows, _journal, in_turn(either, *[_lines_reshaped] * 3), "no row", SLOW),
+    Reader("fit.journal", _replays, _of_replays, in_turn(either, *[_lines_reshaped] * 3), "no journal|no replay"),
+    Reader("code.o", _code, _of_code, mutated, NOTHING),
+    Reader(
+        "registry", lambda _: json.dumps(ENTRY).encode(), _registry, in_turn(either, *[reshaped] * 3), "nothing", SLOW
+    ),
+    Reader("fmu-state", _fmu_state, _fmu_restored, mutated, NOTHING, SLOW),
 )

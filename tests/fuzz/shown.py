@@ -126,6 +126,7 @@ def _named(path: Path) -> Iterator[Path]:
             shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
 
+SLOW = 20  # files
 KINEMATIC = ("--plant", "kinematic")
 
 
@@ -194,10 +195,10 @@ _OF_JOB = _terminal(
 )
 _OF_PART = _terminal(("convert", "FILE"), ("check", "FILE", *KINEMATIC))
 SHOWN = (
-    Reader("page-run.txt", _bytes(JOB), _page("run"), _of_job, "no page"),
-    Reader("page-check.txt", _bytes(JOB), _page("check"), _of_job, "no page"),
-    Reader("page-compare.txt", _bytes(JOB), _compared, _of_job, "no page"),
-    Reader("terminal-job.txt", _bytes(JOB), _OF_JOB, _of_job, "refused"),
-    Reader("terminal-part.ncp", _bytes(NCP), _OF_PART, sprinkled("; "), "refused"),
-    Reader("terminal-part.ngc", _bytes(GCODE), _OF_PART, sprinkled("(", ")"), "refused"),
+    Reader("page-run.txt", _bytes(JOB), _page("run"), _of_job, "no page", SLOW),
+    Reader("page-check.txt", _bytes(JOB), _page("check"), _of_job, "no page", SLOW),
+    Reader("page-compare.txt", _bytes(JOB), _compared, _of_job, "no page", SLOW),
+    Reader("terminal-job.txt", _bytes(JOB), _OF_JOB, _of_job, "refused", SLOW),
+    Reader("terminal-part.ncp", _bytes(NCP), _OF_PART, sprinkled("; "), "refused", SLOW),
+    Reader("terminal-part.ngc", _bytes(GCODE), _OF_PART, sprinkled("(", ")"), "refused", SLOW),
 )

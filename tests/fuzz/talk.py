@@ -224,7 +224,7 @@ def _rows(path: Path) -> None:
 
 TALK = (
     Reader("shdr.json", _machine_state, _told_to_agents, _texts_changed),
-    Reader("lsp.json", _session, _edited, in_turn(either, *[reshaped] * 3), "ended before"),
-    Reader("agent.bin", lambda _: b"* PING\r\n* PING\n* PONG 1\n* PING\n", _agent, either, "turned away"),
+    Reader("lsp.json", _session, _edited, in_turn(either, *[reshaped] * 3), "ended before", 20),
+    Reader("agent.bin", lambda _: b"* PING\r\n* PING\n* PONG 1\n* PING\n", _agent, either, "turned away", 60),
     Reader("rows.txt", lambda _: ROWS, _rows, either, "all lines"),
 )

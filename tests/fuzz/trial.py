@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import resource
 import signal
@@ -25,14 +26,15 @@ MOST_MB = 200.0
 
 @dataclass(frozen=True)
 class Reader:
-    """sample: makes a valid file in a folder; read: reads it there, by the name it has been given. at_once: the words of
-    a refusal at the first thing that is looked at."""
+    """sample: makes a valid file in a folder; read: reads it there, by the name it has been given. at_once: the words
+    of a refusal at the first thing that is looked at."""
 
     name: str
     sample: Callable[[Path], bytes]
     read: Callable[[Path], object]
     mutate: Mutation = either
     at_once: str = r"\bline 1\b"
+    files: int = 200  # that `make thorough` tries
 
 
 @dataclass
@@ -56,8 +58,8 @@ class Hang(BaseException):
     """A reader does not come to an end."""
 
 
-def trials(reader: Reader, folder: Path, number: int, first: int = 0) -> Tally:
-    """So many files from seed `first` on."""
+def trials(reader: Reader, folder: Path, number: int, first: int = 0, most_s: float = math.inf) -> Tally:
+    """So many files from seed `first` on, or as many as there is time for."""
     own = folder / "own"
     own.mkdir()
     sample = reader.sample(own)
@@ -69,7 +71,10 @@ def trials(reader: Reader, folder: Path, number: int, first: int = 0) -> Tally:
     reader.read(path)  # the sample is sound
     tally = Tally()
     megabytes = _peak_mb()
+    until_s = time.monotonic() + most_s
     for seed in range(first, first + number):
+        if time.monotonic() > until_s:
+            break
         path.write_bytes(reader.mutate(sample, seed))
         began_s = time.process_time()
         why = _fault(reader, path, tally)
