@@ -26,6 +26,8 @@ HOSTILE = (
     "\x9b31m", "\x85", "\x08\x08", "\r", "\u202ezz", "\u2028", "\ufeff", "\x00", "\xad", "é ☃", "\t",
 )  # fmt: skip
 VOID = {"meta", "br", "hr", "img", "input", "link", "wbr", "col"}
+# elements that end a paragraph (HTML Living Standard, 13.2.6.4.7)
+ENDS_P = {"p", "div", "figure", "table", "ul", "ol", "section", "nav", "header", "main", "h1", "h2", "h3", "pre"}
 # what steers a terminal (ECMA-48 C0 and C1 but line end and tab, Unicode's marks of direction), written down anew
 STEERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff]")
 
@@ -44,6 +46,8 @@ class _Page(HTMLParser):
             self.wrong.append(f"the page has {self.get_starttag_text()}")
         if any(name in ("href", "src", "action") and not (value or "").startswith("#") for name, value in attrs):
             self.wrong.append(f"the page leads elsewhere: {self.get_starttag_text()}")
+        if "p" in self.open and tag in ENDS_P:
+            self.wrong.append(f"<{tag}> ends the <p> around it")
         if tag not in VOID:
             self.open.append(tag)
 
