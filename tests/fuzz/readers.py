@@ -115,7 +115,7 @@ def _steps_reshaped(data: bytes, seed: int) -> bytes:
         one = arrays[name]
         match draw.randrange(6):
             case 0:
-                arrays[name] = one.astype(draw.choice(("float64", "uint8", "bool", "complex128", "U3", "int64")))
+                arrays[name] = one.astype(draw.choice(("float64", "uint8", "bool", "U3", "int64")))
             case 1:
                 arrays[name] = one.reshape(draw.choice(((-1,), (1, -1), (-1, 1), (1, 1, -1))))
             case 2:

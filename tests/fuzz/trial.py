@@ -16,9 +16,10 @@ from pathlib import Path
 from types import FrameType
 
 from isel_twin.base.errors import CallError
+from isel_twin.plant import PlantError
 from tests.fuzz.mutate import Mutation, either
 
-ALLOWED = (ValueError, CallError, OSError)  # errors of readers; anything else is a traceback for the user
+ALLOWED = (ValueError, CallError, OSError, PlantError)  # errors of readers; anything else is a traceback for the user
 MOST_CPU_S = 5.0
 MOST_WALL_S = 120  # a reader that hangs is broken off
 MOST_MB = 200.0
