@@ -126,7 +126,7 @@ def first_failure(package: Path, tests: list[str], limit_s: float) -> str | None
             return TIME
     if run.returncode in {0, 5}:  # 5: no test is left without the slow ones
         return None
-    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
+    failed = re.search(r"^(?:FAILED|ERROR) ([^\[ ]+)", said, re.MULTILINE)
     return failed[1] if failed else "the interpreter"
 
 
