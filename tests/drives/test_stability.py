@@ -108,7 +108,7 @@ def test_a_load_that_no_current_carries_has_no_rotation() -> None:
 
 
 def test_an_overloaded_motor_is_left_as_soon_as_it_is_out_of_step() -> None:
-    """Under a little more torque than it has: half an electrical revolution behind its command it will not come back."""
+    """Under a little more torque than it has: half an electrical revolution behind it will not come back."""
     peak_nm = NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
     on, omega = Bench(NEMA23, AT_48_V, 1.05 * peak_nm, 9.0 * NEMA23.rotor_inertia_kgm2), 200.0 * math.pi / 30.0
     sub_steps, quarter_s = 300, 0.5 * math.pi / (NEMA23.pole_pairs * omega)
