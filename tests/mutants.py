@@ -7,9 +7,9 @@
     a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
 
 Goal: to find what no test looks at. Each mutant is written into a copy of the package, so the working tree stays as it
-is. The tests of its module (those named after it, those that import it, those of its folder, in this order) run in a
-process of their own to the first that fails; slow ones are left out. A mutant is noticed if that test passes without
-the change. A line for each is printed: the place, the change and the test that noticed.
+is. The tests of its module (those named after it, those that import it, those of its folder or controller, in this
+order) run in a process of their own to the first that fails; slow ones are left out. A mutant is noticed if that test
+passes without the change. A line for each is printed: the place, the change and the test that noticed.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def within(file: Path) -> Path:
 
 
 def tests_of(file: Path) -> list[str]:
-    """The tests of a module, nearest first: named after it, importing it, in its folder."""
+    """The tests of a module, nearest first: named after it, importing it, in its folder, of its controller."""
     parts = within(file).with_suffix("").parts
     dotted, parent = ".".join(("isel_twin", *parts)), ".".join(("isel_twin", *parts[:-1]))
     imported = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(parent)} import [^\n]*\b{parts[-1]}\b")
@@ -102,9 +102,10 @@ def tests_of(file: Path) -> list[str]:
     for test in (ROOT / "tests").rglob("test_*.py"):
         text = test.read_text("utf-8")
         near = parts[-1].strip("_") in test.stem and (folder is None or folder in test.parents)
-        if near or imported.search(text) or folder in test.parents:
+        controller = parts[0] == "firmware" and f"test_{parts[1]}_" in test.name  # conformance to its manual
+        if near or imported.search(text) or folder in test.parents or controller:
             long = re.search(r"mark\.long\(seconds=(\d+)", text)
-            rank = 0 if near else 1 if imported.search(text) else 2
+            rank = 0 if near else 1 if imported.search(text) else 2 if folder in test.parents else 3
             said = sum(text.count(word) for word in parts[-2:])
             ranked.append((rank, int(long[1]) if long else 0, -said, str(test.relative_to(ROOT))))
     return [test for *_, test in sorted(ranked)] or ["tests/test_twin.py"]
