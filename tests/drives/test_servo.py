@@ -252,6 +252,15 @@ def test_beyond_its_following_error_it_is_off_in_that_very_sub_step():
     assert rotor.s["fault"][0] == 0
 
 
+def test_the_current_that_flowed_makes_no_torque_in_the_sub_step_of_a_fault():
+    rotor = Rotor()
+    rotor.stay(0.01)
+    assert rotor.stay(20 * DT, 4000.0)[-1, 2] > 1.0
+    rotor.stay(DT, 9000.0)
+    assert rotor.s["fault"][0] == LAG_FAULT
+    assert rotor.s["torque_nm"][0] == 0.0
+
+
 def test_switched_on_in_motion_it_brakes_and_stays_there():
     rotor = Rotor()
     rotor.s["omega_rad_s"] = 10.0
