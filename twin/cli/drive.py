@@ -186,6 +186,7 @@ def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str]
         "file": str(path), "ticks": len(ticks.t_ns), "first_ns": first_ns, "cycle_ns": last_ns - first_ns,
         "end_ns": ticks.end_ns, "shift_ns": ticks.shift_ns, "resolution_ns": ticks.resolution_ns,
         "struck": [{**dataclasses.asdict(strike), "allowed": allowed(strike.switch)} for strike in strikes.seen],
+        "gaps_ns": ticks.gaps, "remarks": ticks.remarks,
         "timing": {axis: dataclasses.asdict(timing) for axis, timing in ticks.timing.items()},
     }  # fmt: skip
 
@@ -204,6 +205,7 @@ def _in_words(ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], un
     for strike in strikes.seen:
         may = " (allowed)" if allowed(strike.switch) else ""
         yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
+    yield from ticks.remarks
     for axis, timing in ticks.timing.items():
         yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} steps/s"
     if unseen:
