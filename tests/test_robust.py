@@ -160,20 +160,6 @@ def test_a_frequency_and_its_bound(lost: int, of: int, bound: float) -> None:
     assert robust.at_most(lost, of) == pytest.approx(bound, abs=5e-4)
 
 
-def test_what_separates_losers_is_told() -> None:
-    call, lines = TwinSpec(), parse_job("@07\n", create_language("imc-s8"), "imc-s8")
-    (trial,) = robust.repetitions(call, lines, 1, timeout_s=60.0)
-    lost = dataclasses.replace(trial.verdict, lost_steps=(32.1, 0.0, 0.0, 0.0))
-    trials = [
-        dataclasses.replace(
-            trial, factors={"noise": (7 * n) % 5, "supply": 1.0 - 0.01 * n}, verdict=lost if n > 6 else trial.verdict
-        )
-        for n in range(10)
-    ]
-    assert robust.separates(trials) == ("supply", pytest.approx(0.92), pytest.approx(0.97))
-    assert robust.separates(trials[:7]) is None
-
-
 def test_each_number_and_each_seed_draws_anew_and_always_the_same() -> None:
     machine = load_machine("4030")
     drawn = [robust.perturbation(machine, seed, number) for seed in (0, 1) for number in (1, 2)]
@@ -243,7 +229,8 @@ def test_a_job_near_stall_is_fragile_though_it_may_work_once(run: Any) -> None:
     assert sum(not trial["agrees"] for trial in trials) == last["other"]
     assert 0 < sum(trial["ok"] for trial in trials) < 10
     assert 0 < last["robust"]["lost"] < 10
-    assert last["separates"][0] in trials[0]["factors"]
+    named = last["separates"]
+    assert named is None or (named[0].replace(".all.", ".x.") in trials[0]["factors"] and named[3] <= 0.05)
 
 
 def test_runs_agree_if_they_refuse_alike_and_lose_on_the_same_axes() -> None:

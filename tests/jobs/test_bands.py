@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from isel_twin.jobs.uncertain import Band, bands, contributions
+from isel_twin.jobs.blame import contributions
+from isel_twin.jobs.uncertain import Band, bands
 
 TEN = tuple(range(1, 11))
 

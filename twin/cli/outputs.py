@@ -223,7 +223,8 @@ class JsonOutput:
         self, verdict: Verdict, trials: Sequence[Repetition], wanted: int
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """A line for each repetition; how many lost, and how they ended."""
-        from isel_twin.jobs.robust import agree, at_most, separates
+        from isel_twin.jobs.blame import separates
+        from isel_twin.jobs.robust import agree, at_most
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
@@ -380,7 +381,8 @@ class TableOutput:
         self, verdict: Verdict, trials: Sequence[Repetition], wanted: int, sound: str, other_word: str
     ) -> bool:
         """Whether all ended alike, and if not, how the others did."""
-        from isel_twin.jobs.robust import agree, at_most, separates
+        from isel_twin.jobs.blame import separates
+        from isel_twin.jobs.robust import agree, at_most
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         lost = sum(any(trial.verdict.lost) for trial in trials)
@@ -395,9 +397,10 @@ class TableOutput:
             differently = f"{len(other)} of {many(len(trials), 'machine')} ended differently"
             self._print(f"{other_word}: {differently}; {frequency}", style="bold red")
         if (found := separates(trials)) is not None:
-            key, mine, theirs = found
-            values = f"{mine:.2f} times its value where steps were lost, else {theirs:.2f} times"
-            self._print(f"  best told apart by {key}: {values}")
+            values = f"{found.lost:.3f} times its value where steps were lost, else {found.held:.3f} times, on average"
+            self._print(f"  best told apart by {found.key}: {values} (by chance in {found.chance:.1%} of such studies)")
+        elif 0 < lost < len(trials):
+            self._print("  nothing separates them: what was drawn differs no more than by chance")
         for trial in other[:SHOWN_TRIALS]:
             far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))[:SHOWN_FACTORS]
             changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)

@@ -190,22 +190,6 @@ def at_most(lost: int, of: int) -> float:
     return high
 
 
-def separates(trials: Sequence[Repetition]) -> tuple[str, float, float] | None:
-    """What tells losers from the others best: key, and its median factor on both sides. None with less than two of
-    either. Best: the largest share of pairs of a loser and another that stand in the same order."""
-    lost = [trial.factors for trial in trials if any(trial.verdict.lost)]
-    held = [trial.factors for trial in trials if not any(trial.verdict.lost)]
-    if len(lost) < 2 or len(held) < 2:
-        return None
-    best, found = 0.0, None
-    for key in lost[0]:
-        mine, theirs = np.array([factors[key] for factors in lost]), np.array([factors[key] for factors in held])
-        share = float((mine[:, None] > theirs).mean())
-        if abs(share - 0.5) > best:
-            best, found = abs(share - 0.5), (key, float(np.median(mine)), float(np.median(theirs)))
-    return found
-
-
 def check(call: TwinSpec, number: int, source: Source = "kind") -> None:
     """Check, before any computation, that a call can be repeated.
 
