@@ -353,11 +353,12 @@ class TableOutput:
                 for edge in own
                 if edge.factor is not None
             ]
-            never = [f"{edge.tried:.2g} times the {edge.quantity}" for edge in own if edge.factor is None]
+            never = [_not_up_to(edge) for edge in own if edge.factor is None]
             what = "its drive switches itself off" if any(edge.closed_loop for edge in own) else "steps are lost"
             lost = [f"{what} at {', '.join(at)}"] if at else []
             held = [f"none up to {', '.join(never)}"] if never else []
-            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}")
+            seeds = many(max(edge.seeds for edge in own), "seed")
+            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}; tried on {seeds}")
 
     def counted(self, verdict: Verdict) -> str:
         """Number of commands and expectations."""
@@ -438,6 +439,11 @@ class MotionsOutput(TableOutput):
 
     def counted(self, verdict: Verdict) -> str:
         return many(verdict.commands, "motion")
+
+
+def _not_up_to(edge: Edge) -> str:
+    """The factor up to which a job was made without a loss, and why not farther."""
+    return f"{edge.tried:.3g} times the {edge.quantity}{edge.ends and f' (beyond, {edge.ends})'}"
 
 
 def _far(factor: float) -> float:
