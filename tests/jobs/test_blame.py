@@ -66,7 +66,7 @@ def test_the_normal_law_of_many_is_the_exact_one_of_fewer(ties: float, monkeypat
 
 def test_pure_chance_is_named_no_oftener_than_stated_and_a_cause_is_found() -> None:
     """400 studies of 20 machines with 40 numbers, a quarter of them cut as a stiffness is. Of 400 at 5 % more than 33
-    would be three deviations too many. The cause: eight of twenty lie beyond a limit of it, nine of ten of them lose."""
+    would be three deviations too many. The cause: eight of twenty lie beyond a limit, nine of ten of them lose."""
     draw = np.random.default_rng(6)
     by_chance = found = 0
     for _ in range(400):

@@ -44,7 +44,7 @@ class Separation(NamedTuple):
 def separates(trials: Sequence[Repetition]) -> Separation | None:
     """The number that tells losers from the others best; None for what chance explains."""
     lost = [trial.factors for trial in trials if any(trial.verdict.lost)]
-    held = [trial.factors for trial in trials if not any(trial.verdict.lost)]
+    held = [trial.factors for trial in trials if not any(trial.verdict.lost) and not trial.verdict.part]
     if not lost or not held:
         return None
     found = _columns([*lost, *held])

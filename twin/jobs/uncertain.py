@@ -62,11 +62,18 @@ def coverage(number: int) -> float:
     return max(0.0, 1.0 - 2.0 * outside(number) / (number + 1))
 
 
+def whole(trials: Sequence[Repetition]) -> list[Repetition]:
+    """Those that made the job to its end: the others say nothing of its time, margin and places (jobs/18)."""
+    return [one for one in trials if not one.verdict.part]
+
+
 def bands(verdict: Verdict, results: Sequence[Result], trials: Sequence[Repetition]) -> tuple[Band, ...]:
-    """Of time, margin, edge and, for each axis, the place that is known least; none of fewer than two repetitions.
+    """Of time, margin, edge and, for each axis, the place that is known least; none of fewer than two repetitions that
+    made the whole job.
 
     verdict, results: of the machine as it is.
     """
+    trials = whole(trials)
     if len(trials) < 2:
         return ()
     found = [_band("time", "s", verdict.cycle_s, [(one, one.verdict.cycle_s) for one in trials])]
