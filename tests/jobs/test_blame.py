@@ -12,13 +12,28 @@ import pytest
 
 from isel_twin.jobs import blame
 from isel_twin.jobs.blame import separates
+from isel_twin.jobs.robust import losses
 
 
-def trials(rows: Sequence[Mapping[str, float]], losers: Sequence[int]) -> Any:
+def trials(rows: Sequence[Mapping[str, float]], losers: Sequence[int], part: Sequence[int] = ()) -> Any:
+    """part: those that were not made to their end."""
     return [
-        SimpleNamespace(factors=row, verdict=SimpleNamespace(lost=(number in losers,)))
+        SimpleNamespace(
+            factors=row, verdict=SimpleNamespace(lost=(number in losers,), part="1 refused" if number in part else "")
+        )
         for number, row in enumerate(rows)
     ]
+
+
+def test_a_machine_that_refuses_has_neither_lost_nor_held() -> None:
+    """Of twenty four lose and six others refuse a line: 4 of 14. If all others refuse there is none to compare."""
+    rows = [{"supply": float(n)} for n in range(20)]
+    made = trials(rows, [0, 1, 2, 3], part=[2, *range(14, 20)])
+    assert losses(made) == (4, 14)
+    found = separates(made)
+    assert found is not None
+    assert found.held == pytest.approx(sum(range(4, 14)) / 10)
+    assert separates(trials(rows, [0, 1, 2, 3], part=range(4, 20))) is None
 
 
 def test_what_is_in_order_is_told_with_means_and_chance() -> None:
