@@ -44,6 +44,11 @@ def find_browser() -> str | None:
     return own if Path(own).exists() else None
 
 
+def find_firefox() -> str | None:
+    """Path of Firefox; None if there is none."""
+    return next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
+
+
 def provide() -> None:
     """See that there is one: playwright's own if it can be downloaded, else, as root, that of the system."""
     apt = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium"]
