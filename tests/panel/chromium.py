@@ -1,4 +1,4 @@
-"""Where browsers for tests are: on the path, or playwright's own Chromium; as a program, sees to it that they are there.
+"""Where browsers for tests are: on the path, or playwright's own Chromium; as a program, sees to it that there are any.
 
 It never fails: where none can be had, the tests that need one are skipped and say so.
 """
@@ -50,7 +50,7 @@ def find_firefox() -> str | None:
 
 
 def provide() -> None:
-    """See that there is one: playwright's own if it can be downloaded, else, as root, that of the system; and Firefox."""
+    """See that both are there: playwright's own Chromium if it can be downloaded, else, as root, those of the system."""
     apt = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium", "firefox-esr"]
     ways = [[sys.executable, "-m", "playwright", "install", "chromium"]]
     if shutil.which("apt-get") and os.geteuid() == 0:
