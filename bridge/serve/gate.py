@@ -34,9 +34,10 @@ STRANGERS: Sequence[tuple[str, re.Pattern[bytes]]] = tuple(
     for name, pattern in (
         ("an SSH greeting", rb"SSH-"),
         ("an HTTP request, or another line of a word and a blank", _TOKEN + rb"(?<= )\S"),
-        ("a TLS greeting", rb"\x16\x03|[\x80-\xff].\x01\x03"),  # the second: as SSL 2 begins, which WebRTC imitates
-        ("a STUN message", rb"(..)?....\x21\x12\xa4\x42"),
-        ("an SMB greeting", rb"....[\xfe\xff]SMB"),
+        ("a TLS greeting", re.escape(bytes.fromhex("1603"))),
+        ("WebRTC's imitation of one", re.escape(bytes.fromhex("80460103"))),
+        ("a STUN message", rb"(..)?...." + re.escape(bytes.fromhex("2112a442"))),
+        ("an SMB greeting", b"....[" + bytes.fromhex("feff") + b"]SMB"),
     )
 )
 

@@ -50,7 +50,7 @@ def find_firefox() -> str | None:
 
 
 def provide() -> None:
-    """See that both are there: playwright's own Chromium if it can be downloaded, else, as root, those of the system."""
+    """See that both are there: playwright's Chromium if it can be downloaded, else, as root, those of the system."""
     apt = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium", "firefox-esr"]
     ways = [[sys.executable, "-m", "playwright", "install", "chromium"]]
     if shutil.which("apt-get") and os.geteuid() == 0:
