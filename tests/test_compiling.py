@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
+from tests.reliability.figures import code_mb
 
 pytestmark = pytest.mark.long(seconds=14)
 
@@ -321,3 +322,15 @@ def test_code_is_found_where_it_can_only_be_read(tmp_path: Path) -> None:
     (tmp_path / "inner.py").write_text(INNER.format(by=100))
     values, said = call(no_writing, **image)
     assert (values[0], "no folder to keep compiled code in" in said) == (101, True)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for its pages")
+def test_llvms_code_is_given_back_and_read_again() -> None:
+    stamp = object_code._stamp(object_code.give_back, ())
+    before_mb = code_mb("self", "libllvmlite")
+    object_code.give_back()
+    assert before_mb > 10.0
+    assert code_mb("self", "libllvmlite") < before_mb / 10.0
+    object_code._computer.cache_clear()
+    assert object_code._stamp(object_code.give_back, ()) == stamp
+    assert 0.0 < code_mb("self", "libllvmlite") < before_mb

@@ -321,8 +321,8 @@ def in_thread(run: Callable[[], object], stop: Callable[[], object]) -> Iterator
 
 def serve(product: Product, stack: ExitStack, controller: str, ends: Sequence[Endpoint], *guests: Guest) -> None:
     twin = Twin(CONTROLLERS[controller], controller, plant="kinematic")
-    heard = product.heard[controller] = []
-    twin.write = heard.append  # type: ignore[method-assign]
+    heard: list[Any] = product.heard.setdefault(controller, [])
+    twin.write = heard.append
     server = LineServer(twin, Pacer(None), ends, guests=guests)
     product.twins.append(twin)
     stack.enter_context(in_thread(server.run, server.stop))
@@ -338,13 +338,15 @@ def opcua_port(sessions: list[Any]) -> Iterator[str]:
         await server.init()
         server.set_endpoint(f"opc.tcp://{LOOPBACK}/")
         await secure(server, None)
-        server.iserver.create_session = lambda *session, **_: sessions.append(session)
+        internal: Any = server.iserver
+        internal.create_session = lambda *session, **_: sessions.append(session)
         await server.start()
         return server
 
     server = loop.run_until_complete(start())
     with in_thread(loop.run_forever, lambda: loop.call_soon_threadsafe(loop.stop)):
-        yield "{}:{}".format(*server.bserver._server.sockets[0].getsockname())
+        listening: Any = server.bserver
+        yield "{}:{}".format(*listening._server.sockets[0].getsockname())
     loop.run_until_complete(server.stop())
     loop.close()
 

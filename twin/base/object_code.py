@@ -44,6 +44,8 @@ RETURNED: dict[str, Any] = {
 _LIKE = {int: int, np.int64: int, float: float, np.float64: float}  # by numba's rules
 _LEAST, _MOST = -(2**63), 2**63 - 1
 
+_NOT_NEEDED = 4  # MADV_DONTNEED
+
 # What the entry for Python calls, which nobody takes here; the code itself would for memory of its own, if it had any.
 _NEVER_CALLED = {
     "NRT_Free",
@@ -212,6 +214,19 @@ def _computer() -> str:
     """All that compiled code depends on, beside its source."""
     features = llvm.get_host_cpu_features().flatten()
     return f"numba {metadata.version('numba')} llvm {llvm.llvm_version_info} {llvm.get_host_cpu_name()} {features}"
+
+
+def give_back() -> None:
+    """Let Linux have the memory of LLVM's code again, a quarter of a server's, most of which is read to link or compile
+    once: what is needed after all is read anew from its file."""
+    if sys.platform != "linux":
+        return
+    advise = ctypes.CDLL(None).madvise
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        span, rights, *_, file = line.split(maxsplit=5)
+        if rights == "r-xp" and Path(file).name.startswith("libllvmlite"):  # never written to
+            first, end = (int(address, 16) for address in span.split("-"))
+            advise(ctypes.c_void_p(first), ctypes.c_size_t(end - first), _NOT_NEEDED)
 
 
 class _Linker:

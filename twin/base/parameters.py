@@ -241,10 +241,10 @@ class DepthError(ValueError):
         super().__init__(f"nested too deeply; allowed: up to {MOST_DEPTH} tables or lists in each other")
 
 
-def parse_json(text: str | bytes) -> Any:
-    """The value of a JSON text. Raises ValueError, also for one that is nested too deeply."""
+def parse_json(text: str | bytes, **hooks: Any) -> Any:
+    """The value of a JSON text. hooks: of `json.loads`. Raises ValueError, also for one that is nested too deeply."""
     try:
-        return _flat_enough(json.loads(text))
+        return _flat_enough(json.loads(text, **hooks))
     except RecursionError:
         raise DepthError from None
 
