@@ -159,4 +159,4 @@ def test_a_margin_is_less_the_less_torque_a_motor_has(
     margin: float, torque: tuple[float, float], expected: tuple[float, float]
 ) -> None:
     """Half the torque is used: of 0.8 times as much 62.5 %, of 1.25 times as much 40 %."""
-    assert margin_band(margin, torque) == pytest.approx(expected)
+    assert margin_band(margin, *torque) == pytest.approx(expected)

@@ -40,10 +40,10 @@ def torque_band(motor: Motor, stage: Stage, speed_rpm: float) -> tuple[float, fl
     return (0.0 if stage.microsteps == 1 and share > FULL_STEP_LIMIT else least), most
 
 
-def margin_band(margin: float, torque: tuple[float, float]) -> tuple[float, float]:
-    """The least and the most of a pull-out margin, where the torque has that band."""
+def margin_band(margin: float, *torque: float) -> tuple[float, float]:
+    """The least and the most of a pull-out margin, to 0.01 %. torque: that band of it."""
     least, most = (max(0.0, 1.0 - (1.0 - margin) / share) if share else float(margin == 1.0) for share in torque)
-    return least, most
+    return round(least, 4), round(most, 4)
 
 
 def _other_size(motor: Motor) -> float:
