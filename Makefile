@@ -102,6 +102,12 @@ build/site/.ready:
 	build/site/bin/python -m pip install --quiet --disable-pip-version-check sphinx myst-parser furo
 	@touch $@
 
+.PHONY: findings
+findings:            ## surprises of other libraries and tools, each run once more; needs a network
+	@failed=; for script in findings/*.sh; do \
+	  echo "$$script"; bash $$script || failed="$$failed $$script ($$?)"; done; \
+	  if [ -n "$$failed" ]; then echo "no longer so, or not to be had (3):$$failed"; exit 1; fi
+
 .PHONY: browser
 browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped
 	@$(BIN)/python -m tests.panel.chromium

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import datetime
 import logging
+import re
 import selectors
 import socket
 import time
@@ -54,10 +55,8 @@ def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list
 
 
 def _quoted(text: str) -> str:
-    if "|" in text or '"' in text:
-        escaped = text.replace('"', '\\"').replace("|", "\\|")
-        return f'"{escaped}"'
-    return text
+    """A value, in quotes if it has bars or quotes: there a backslash makes the next character plain."""
+    return '"' + re.sub(r'([\\"|])', r"\\\1", text) + '"' if "|" in text or '"' in text else text
 
 
 def _stamp() -> str:

@@ -101,7 +101,7 @@ def devices(state: State) -> bytes:
     _items(controller, "controller")
     path = _component(ElementTree.SubElement(controller, "Components"), "Path", "p", name="path")
     _items(path, "path")
-    door = _component(_component(inner, "Doors", "doors"), "Door", "hood_door", name="hood")
+    door = _component(inner, "Door", "hood_door", name="hood")  # the schemas know no group of doors
     _items(door, "door")
     electric = _component(_component(inner, "Systems", "systems"), "Electric", "electric", name="supply")
     _items(electric, "electric")
@@ -112,7 +112,7 @@ def devices(state: State) -> bytes:
 def _component(above: ElementTree.Element, kind: str, ident: str, name: str = "") -> Any:
     """A component; a group of components gives what they are put into."""
     made = ElementTree.SubElement(above, kind, {"id": ident, **({"name": name} if name else {})})
-    groups = ("Axes", "Doors", "Systems")
+    groups = ("Axes", "Systems")
     return ElementTree.SubElement(made, "Components") if kind in groups else made
 
 

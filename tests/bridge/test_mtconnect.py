@@ -237,7 +237,7 @@ def test_devices_of_a_machine() -> None:
                             {"Components": [{"Path p path": [path]}]},
                         ]
                     },
-                    {"Doors doors": [{"Components": [{"Door hood_door hood": [door]}]}]},
+                    {"Door hood_door hood": [door]},
                     {
                         "Systems systems": [
                             {"Components": [{"Electric electric supply": [{"DataItems": ["power|EVENT|POWER_STATE"]}]}]}
@@ -295,10 +295,12 @@ def test_a_stop_does_not_wait_for_the_next_look() -> None:
     assert not running.is_alive()
 
 
-def test_texts_with_bars_are_quoted() -> None:
+@pytest.mark.parametrize("text", ['a|b "c"', r"C:\jobs\part.nc", r'C:\jobs\"part".nc', '"', "\\|"])
+def test_texts_with_bars_are_quoted(text: str) -> None:
+    """In quotes an agent takes what follows a backslash as it is, outside it takes the backslash as it is."""
     normal = {item.key: "" if item.category == "CONDITION" else "1" for item in ITEMS}
-    (line,) = lines({**normal, "Xpos": 'a|b "c"'}, normal, "T")
-    assert split(line) == ["T", "Xpos", "FAULT", "Xpos", "", "", 'a|b "c"']
+    (line,) = lines({**normal, "Xpos": text}, normal, "T")
+    assert split(line) == ["T", "Xpos", "FAULT", "Xpos", "", "", text]
     assert lines(normal, normal, "T") == []
 
 

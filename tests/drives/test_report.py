@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -37,6 +38,14 @@ def test_no_torque_is_printed_without_its_band(capsys: pytest.CaptureFixture[str
     assert re.search(r"up to \d+ steps/s of this stage \(\d+ to \d+; ", out)
     assert re.search(r"resonance, unloaded: \d+ Hz \(\d+ to \d+\)", out)
     assert re.search(r"beyond \d+ rev/min nobody compared", out)
+
+
+def test_as_json_each_point_has_the_ends_and_what_they_are_off(capsys: pytest.CaptureFixture[str]) -> None:
+    show_motor("23HS32-4004S", json=True)
+    point = json.loads(capsys.readouterr().out)["curve"][0]
+    torque, least, most = (point[key] for key in ("pull_out_nm", "least_nm", "most_nm"))
+    assert least < torque < most
+    assert point["band"] == pytest.approx(max(most / torque - 1.0, 1.0 - least / torque))
 
 
 def test_in_full_step_the_makers_limit_is_told(capsys: pytest.CaptureFixture[str]) -> None:

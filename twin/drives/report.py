@@ -47,6 +47,12 @@ class TorquePoint:
     """Of a small swing under stability.LOAD_SHARE of the torque; below 0: it dies away. None: no steady rotation."""
 
     @property
+    def band(self) -> float | None:
+        """How far the farther end of the band is, over the torque; None without torque."""
+        away_nm = max(self.most_nm - self.pull_out_nm, self.pull_out_nm - self.least_nm)
+        return away_nm / self.pull_out_nm if self.pull_out_nm else None
+
+    @property
     def stable(self) -> bool:
         return self.growth_per_s is not None and self.growth_per_s <= 0.0
 
@@ -98,7 +104,8 @@ def show_motor(
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
     if json:
-        data = {"motor": name, "data": figures(motor), "stage": figures(stage), "curve": [asdict(p) for p in table]}
+        curve = [{**asdict(point), "band": point.band} for point in table]
+        data = {"motor": name, "data": figures(motor), "stage": figures(stage), "curve": curve}
         print(dumps(data))
     else:
         print("\n".join(_text(name, motor, stage, table)))

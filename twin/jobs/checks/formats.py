@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 from isel_twin.base.printable import shown, shown_line
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.rules import RULES, Finding
+from isel_twin.jobs.checks.rules import RULES, Finding, Rule
 from isel_twin.version import VERSION
 
 _PLACE = re.compile(r"line (\d+)(?:, column (\d+))?: ")  # at the beginning of an error of a file
@@ -167,7 +167,7 @@ def _case(job: str) -> dict[str, str]:
 def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources. unjudged: as for
     `junit`."""
-    rules = [{"id": name, "shortDescription": {"text": rule.demand}} for name, rule in RULES.items()]
+    rules = [_described(name, rule) for name, rule in RULES.items()]
     names = list(RULES)
     results = [
         {
@@ -191,6 +191,21 @@ def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     run = {"tool": {"driver": driver}, "results": results, **({"invocations": [told]} if notes else {})}
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2) + "\n"
+
+
+def _described(name: str, rule: Rule) -> dict[str, Any]:
+    broken = f"Broken when {rule.broken}."
+    return {
+        "id": name,
+        "shortDescription": {"text": rule.demand},
+        "fullDescription": {"text": _plain(f"{rule.demand} {broken}")},
+        "help": {"text": _plain(f"{broken} {rule.remedy}"), "markdown": f"{broken}\n\n{rule.remedy}"},
+        "defaultConfiguration": {"level": "warning" if rule.warning else "error"},
+    }
+
+
+def _plain(markdown: str) -> str:
+    return markdown.replace("`", "")
 
 
 def _semantic(version: str) -> str:
