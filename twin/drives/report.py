@@ -69,11 +69,13 @@ def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEED
 def _point(motor: Motor, stage: Stage, speed_rpm: float, growth_per_s: float | None) -> TorquePoint:
     """The band is around both the bench and the closed form, which differ where an undamped motor swings; where the
     iron loss leaves no torque, half of it may be there."""
-    found = [predict(motor, stage, speed_rpm) for predict in (curves.pull_out_torque, curves.pull_out_prediction)]
+    pull_out_nm = curves.pull_out_torque(motor, stage, speed_rpm)
+    predicted_nm = curves.pull_out_prediction(motor, stage, speed_rpm)
     least, most = bands.torque_band(motor, stage, speed_rpm)
     bound_nm = curves.pull_out_envelope(motor, stage, speed_rpm)
-    most_nm = max(most * max(found), 0.5 * motor.iron_torque_nm(speed_rpm * math.pi / 30.0))
-    return TorquePoint(speed_rpm, *found, bound_nm, least * min(found), most_nm, growth_per_s)
+    least_nm = least * min(pull_out_nm, predicted_nm)
+    most_nm = max(most * max(pull_out_nm, predicted_nm), 0.5 * motor.iron_torque_nm(speed_rpm * math.pi / 30.0))
+    return TorquePoint(speed_rpm, pull_out_nm, predicted_nm, bound_nm, least_nm, most_nm, growth_per_s)
 
 
 def bench(motor: Motor, stage: Stage) -> stability.Bench:
