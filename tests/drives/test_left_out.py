@@ -104,6 +104,8 @@ def test_the_width_is_that_of_all_motors() -> None:
 def test_every_point_of_the_law_as_it_is_lies_in_its_band() -> None:
     for motor, stage, rpm, nm in A + D + C:
         (point,) = torque_table(motor, stage, [rpm])
+        ends = f"{point.least_nm:.3f} to {point.most_nm:.3f}"
+        print(f"{stage.supply_v:g} V {rpm:5.0f} rev/min: maker {nm:.3f}, here {point.pull_out_nm:.3f} ({ends}) N m")
         assert point.least_nm <= nm <= point.most_nm, (stage.supply_v, rpm)
 
 
