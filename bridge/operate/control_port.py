@@ -26,6 +26,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, NoReturn
 
+from isel_twin.base.parameters import parse_json
 from isel_twin.bridge.operate.control import ControlError, Operator, Pending
 from isel_twin.bridge.operate.token import is_token, token_for
 from isel_twin.bridge.serve.loop import FileWatch
@@ -47,10 +48,9 @@ ERROR_CHARACTERS = 600  # longest error message
 def parse_request(line: bytes) -> dict[str, Any]:
     """The object in a line. Raises ControlError for anything else; nothing in it is ever evaluated."""
     try:
-        content = json.loads(line.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_table)
-    except (ValueError, RecursionError) as error:
-        why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise ControlError(f'request: no JSON: {why}; allowed: one object a line, {{"state": true}}') from None
+        content = parse_json(line.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_table)
+    except ValueError as error:
+        raise ControlError(f'request: no JSON: {error}; allowed: one object a line, {{"state": true}}') from None
     if not isinstance(content, dict):
         raise ControlError('request: no object; allowed: one object a line, {"state": true}')
     return content

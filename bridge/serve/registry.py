@@ -30,7 +30,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Any
 
-from isel_twin.base.files import create
+from isel_twin.base.files import create, try_lock
 from isel_twin.base.parameters import parse_json
 
 log = logging.getLogger("isel_twin")
@@ -102,7 +102,7 @@ def _held(path: Path, text: str) -> IO[str]:
     made.unlink(missing_ok=True)  # of a killed process of that number
     file = TextIOWrapper(create(made, 0o600), encoding="utf-8")
     try:
-        _lock(file)
+        try_lock(file.fileno())
         file.write(text)
         file.flush()
         if sys.platform != "win32":  # which cannot rename an open file
@@ -112,19 +112,6 @@ def _held(path: Path, text: str) -> IO[str]:
         temporary.unlink(missing_ok=True)
         raise
     return file
-
-
-def _lock(file: IO[str]) -> bool:
-    """Lock a file; False: another process has it, or there are no locks."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return False
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def served() -> list[dict[str, Any]]:
@@ -144,7 +131,7 @@ def _living(path: Path) -> dict[str, Any] | None:
                 path.unlink()
                 return None
         with path.open(encoding="utf-8") as file:
-            if sys.platform != "win32" and _lock(file):
+            if sys.platform != "win32" and try_lock(file.fileno()):
                 path.unlink()
                 return None
             content = parse_json(file.read())

@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
+from isel_twin.bridge.operate.client import Client, ClientError
 from isel_twin.bridge.operate.control_port import CLIENTS, LINE_BYTES, TOKEN_S, UNREAD_BYTES, ControlPort
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
@@ -138,7 +139,7 @@ WRONG = [
     (b'{"speed": ' + b"9" * 5000 + b"}", "no JSON"),
     (b'{"stop": true, "stop": true}', "a key stands twice"),
     (b'{"stop": "__import__(1)"}', "stop: "),
-    (b"[" * 60_000, "nested too deeply"),
+    (b"[" * 30_000 + b"]" * 30_000, "nested too deeply"),
     (b"\xff\xfe", "no JSON"),
     (b'{"set": {"estop": "' + b"x" * 5000 + b'"}}', "input 'estop' cannot be"),
     (b'{"set": {"\\ud800": "x"}}', "unknown input"),
@@ -439,3 +440,16 @@ def test_the_example_of_the_page(serve):
     with contextlib.redirect_stdout(printed):
         exec(code, {})
     assert printed.getvalue() == "0 pressed\n"
+
+
+@pytest.mark.parametrize("answer", [b"hello", b"[" * 60_000, b'{"ok": 1}', b'{"ok": null}', b"{}"])
+def test_a_stranger_at_the_address_is_told_in_one_line(answer: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        with Client(address) as client:
+            stranger, _ = listener.accept()
+            with stranger:
+                stranger.sendall(answer + b"\n")
+                with pytest.raises(ClientError, match="is no control port; it answers") as caught:
+                    client.ask({"state": True})
+    assert "\n" not in str(caught.value)

@@ -52,6 +52,9 @@ HOSTS = {
     ("imc-s8", "ends of lines"): b"\r\n\r@07\r\n",
     ("imc-s8", "an end of a line alone"): b"\r",
     ("imc-s8", "a stop in a line"): b"@0A\xfd",
+    ("imc-s8", "a line of a program"): b"0 800,900,-0.5,21,0,21,0,30\r\n9\r\n",
+    ("imc-s8", "a line of a program, LF first"): b"m1000,500\n\r",
+    ("imc-s8", "the end of a program"): b"9\r",
     ("ismif", "a vector"): b"L1,X4000,Y4000\x01",
     ("ismif", "a wrong number"): b"#E1,1\r",
     ("ismif", "a status"): b"\r@X\r",
@@ -85,6 +88,16 @@ def taken(gate: Gate, pieces: list[bytes]) -> tuple[bytes, bool]:
         return passed + gate.lapse(), False
     except GreetingError:
         return passed, True
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"\x11@07\r", b"\x13@07\r", b"!\r", b"9 HTTP/1.1\r", b"m 10.0.0.1:80 HTTP/1.1\r\n", b"91\x01\r", b"9" * 1025],
+)
+@pytest.mark.parametrize("piece", [1, 4096])
+def test_no_host_of_an_imc_begins_so(data: bytes, piece: int) -> None:
+    """It has no XON and XOFF (its handshake is the reply), and a byte for a program that waits for one can be any."""
+    assert taken(gate_of("imc-s8"), cut(data, piece)) == (b"", True)
 
 
 def cut(data: bytes, size: int) -> list[bytes]:

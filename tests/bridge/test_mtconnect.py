@@ -304,6 +304,43 @@ def test_texts_with_bars_are_quoted(text: str) -> None:
     assert lines(normal, normal, "T") == []
 
 
+def test_texts_of_a_machine_neither_end_a_line_nor_break_the_file_of_devices() -> None:
+    """A line end begins a line of its own (part 5), and XML has no control characters (XML 1.0, 2.2)."""
+    evil = "x\r\n2026-11-22T12:00:00Z|Xact|9\x1b\0"
+    told = lines(values(state(fault=True, fault_cause=evil)), values(state()), "T")
+    assert [one for one in told if set(one) & set("\r\n\x1b\0")] == []
+    assert not any(line.startswith("2026") for line in "\n".join(told).splitlines())
+    ElementTree.fromstring(devices(state(machine=evil, controller=evil)))
+
+
+@pytest.mark.parametrize("command", ["mtconnect", "opcua"])
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (b'{"ok": {}}\n', "is served by another version, which does not say controller, "),
+        (b'{"ok": 5}\n', "is no control port; it answers "),
+        (b"[" * 60_000 + b"\n", "is no control port; it answers "),
+    ],
+    ids=["another version", "a number", "deep"],
+)
+def test_a_foreign_server_is_told_in_one_line(command: str, answer: bytes, told: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def reply() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(4096)
+                connection.sendall(answer)
+
+        thread = threading.Thread(target=reply)
+        thread.start()
+        done = isel_twin(command, f"127.0.0.1:{server.getsockname()[1]}")
+        thread.join()
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert told in done.stderr
+
+
 def test_without_a_machine_it_says_so() -> None:
     done = isel_twin("mtconnect", "127.0.0.1:1")
     assert done.returncode == 2

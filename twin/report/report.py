@@ -162,7 +162,7 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
         mark = by_number.get(number)
         place = "" if finding.line is None else f"<a href='#line-{finding.line}'>{finding.place}</a>"
         at = "" if mark is None else f"at {mark.time_ns / SECOND_NS:.3f} s"
-        look = ""
+        look = picture = ""
         if mark is not None:
             middle = mark.time_ns / SECOND_NS
             look = (
@@ -170,12 +170,12 @@ def _findings(findings: Sequence[Finding], marks: Sequence[Mark], seen: Columns,
                 f"aria-label='Show finding {number} in the time plots'>show</button>"
             )
             if number <= PICTURES:
-                look += f"<figure>{finding_picture(seen, mark, plots.error_at)}</figure>"
+                picture = f"<figure>{finding_picture(seen, mark, plots.error_at)}</figure>"
         kind = "warning" if finding.warning else "error"
         items.append(
             f"<li class='finding {kind}' id='finding-{number}'><h3><span class='number'>{number}</span> "
             f"{finding.rule} ({kind})</h3><p>{escape(finding.message[:LONG])}</p>"
-            f"<p>{', '.join(part for part in (place, at) if part) or 'the job as a whole'}{look}</p></li>\n"
+            f"<p>{', '.join(part for part in (place, at) if part) or 'the job as a whole'}{look}</p>{picture}</li>\n"
         )
     return (
         "<section aria-labelledby='findings'><h2 id='findings'>Findings</h2>"
