@@ -41,7 +41,7 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
     """Torques at some speeds; (): evenly from 0 to the highest possible."""
     highest_rpm = motor.corner_rad_s(drive, 0.0) * _RPM
     speeds = speeds_rpm or [highest_rpm * k / (LINES - 1) for k in range(LINES)]
-    currents_a = drive.peak_current_a, motor.rated_current_a
+    peak_a, rated_a = drive.peak_current_a, motor.rated_current_a
     others = [
         (
             replace(motor, torque_constant_nm_per_a=constant * motor.torque_constant_nm_per_a),
@@ -56,7 +56,11 @@ def servo_table(motor: ServoMotor, drive: ServoDrive, speeds_rpm: Sequence[float
 
     return [
         ServoPoint(
-            rpm, *(motor.torque_nm(drive, rpm / _RPM, a) for a in currents_a), *(band(rpm, a) for a in currents_a)
+            speed_rpm=rpm,
+            peak_nm=motor.torque_nm(drive, rpm / _RPM, peak_a),
+            rated_nm=motor.torque_nm(drive, rpm / _RPM, rated_a),
+            peak_band_nm=band(rpm, peak_a),
+            rated_band_nm=band(rpm, rated_a),
         )
         for rpm in speeds
     ]
