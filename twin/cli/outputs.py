@@ -406,8 +406,8 @@ class TableOutput:
         elif 0 < lost < of:
             self._print("  nothing separates them: what was drawn differs no more than by chance")
         for trial in other[:SHOWN_TRIALS]:
-            far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))[:SHOWN_FACTORS]
-            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
+            far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))
+            changed = ", ".join(list(dict.fromkeys(_changed(*one) for one in far))[:SHOWN_FACTORS])
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
             losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
@@ -447,6 +447,13 @@ class MotionsOutput(TableOutput):
 def _not_up_to(edge: Edge) -> str:
     """The factor up to which a job was made without a loss, and why not farther."""
     return f"{edge.tried:.3g} times the {edge.quantity}{edge.ends and f' (beyond, {edge.ends})'}"
+
+
+def _changed(name: str, factor: float) -> str:
+    """A drawn number in words; the decay of the stages, which is one on all axes, by its name."""
+    if name.endswith(".stage.kind"):
+        return f"stages with {'slow' if factor == 0.0 else 'fast' if factor == 1.0 else 'mixed'} decay"
+    return f"{name} {100.0 * (factor - 1.0):+.0f} %"
 
 
 def _far(factor: float) -> float:
