@@ -34,7 +34,7 @@ spring of its holder. The tip goes with the force, behind a lag of T, without ma
     tip / F = 1 / k_holder + 64 / (3 pi E) (l^3 / (core D)^4 + (L^3 - l^3) / shank^4)     L: stickout, l: fluted part
 
 Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, wear; a tool that
-leans in its holder, and a force above its end (1.5 depth / L of the bending less).
+leans in its holder, and a force above its end (0.75 depth / L of the bending less).
 """
 
 from __future__ import annotations
