@@ -231,8 +231,11 @@ def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
     assert told(CALLS, NUMBA_OPT="1") == [f"{same} True"]
     assert told(CALLS, by=3) == [f"{changed} True"]
     (code,) = (tmp_path / "cache").glob("kept.total-*.o")
-    code.write_bytes(code.read_bytes()[:100])
-    assert told(CALLS, by=3) == [f"{changed} True"]
+    whole = code.read_bytes()
+    machine_code = whole.index(b"\x7fELF") + 64
+    for damaged in (whole[:100], whole[:machine_code] + bytes(400) + whole[machine_code + 400 :]):
+        code.write_bytes(damaged)
+        assert told(CALLS, by=3) == [f"{changed} True"]
     for damaged in (lambda found: found[:100], lambda _: b"", lambda _: b"\xff of another program", lambda _: DICT):
         for file in (tmp_path / "cache").rglob("kept.total-*"):
             file.write_bytes(damaged(file.read_bytes()))

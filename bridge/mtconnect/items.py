@@ -11,6 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.printable import shown_line
 from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered, program
 
 SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
@@ -85,12 +86,12 @@ def values(state: State) -> dict[str, str]:
 def devices(state: State) -> bytes:
     """Devices.xml for the agent. It fills the header in."""
     root = ElementTree.Element("MTConnectDevices", xmlns=SCHEMA)
-    name = str(state["machine"])
+    name = shown_line(str(state["machine"]))
     device = ElementTree.SubElement(
         ElementTree.SubElement(root, "Devices"), "Device", id="d", uuid=f"isel-{name}-twin", name=name.replace(" ", "_")
     )
     about = {"manufacturer": "isel (simulated)", "model": name}
-    ElementTree.SubElement(device, "Description", about).text = f"controlled by {state['controller']}"
+    ElementTree.SubElement(device, "Description", about).text = f"controlled by {shown_line(str(state['controller']))}"
     _items(device, "device")
     inner = ElementTree.SubElement(device, "Components")
     axes = _component(inner, "Axes", "axes", name="base")

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-from isel_twin.base.files import atomic_write
+from isel_twin.base.files import atomic_write, sealed, unsealed
 
 Kinds = tuple[Any, ...]  # of the arguments: (dtype, dimensions, writeable), int or float
 
@@ -159,7 +159,8 @@ def keep(function: Callable[..., Any], files: tuple[str, ...], kinds: Kinds, cod
     """Keep code for these kinds. Raises OSError if there is no folder for it that can be written to."""
     place = _place(function)
     place.parent.mkdir(parents=True, exist_ok=True)
-    atomic_write(place, pickle.dumps((_stamp(function, files), {**_kept(function, files), kinds: code})))
+    content = _stamp(function, files), {**_kept(function, files), kinds: code}
+    atomic_write(place, sealed(pickle.dumps(content)))
 
 
 def missing(code: bytes) -> tuple[str, ...] | None:
@@ -179,7 +180,7 @@ def _there(symbol: str) -> bool:
 
 def _kept(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, Code]:
     with suppress(Exception):  # no such file, or damaged bytes, which raise anything
-        stamp, kept = pickle.loads(_place(function).read_bytes())
+        stamp, kept = pickle.loads(unsealed(_place(function).read_bytes()))
         if stamp == _stamp(function, files):
             return {kinds: code for kinds, code in kept.items() if all(map(_there, code.missing))}
     return {}
