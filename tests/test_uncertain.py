@@ -14,6 +14,7 @@ from isel_twin.base.parameters import FileError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs import robust, uncertain
+from isel_twin.jobs.blame import contributions
 from isel_twin.jobs.checks.findings import repeated
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import parse_job
@@ -209,17 +210,17 @@ def test_what_contributes_is_named_and_chance_is_not() -> None:
     draw = np.random.default_rng(3)
     rows = [{f"n{k}": draw.normal() for k in range(60)} | {"a": draw.normal(), "b": draw.normal()} for _ in range(100)]
     outcome = [row["a"] + 0.8 * row["b"] + 0.05 * draw.normal() for row in rows]
-    (first, share), (second, rest) = uncertain.contributions(rows, outcome)
+    (first, share), (second, rest) = contributions(rows, outcome)
     assert (first, second) == ("a", "b")
     assert (share, rest) == (pytest.approx(0.61, abs=0.15), pytest.approx(0.39, abs=0.15))
-    named = sum(bool(uncertain.contributions(rows, draw.normal(size=100).tolist())) for _ in range(40))
+    named = sum(bool(contributions(rows, draw.normal(size=100).tolist())) for _ in range(40))
     assert named <= 7  # 2 of 40 expected
-    assert uncertain.contributions(rows, [1.0] * 100) == ()
+    assert contributions(rows, [1.0] * 100) == ()
 
 
 def test_what_is_drawn_as_one_for_all_axes_is_one_number() -> None:
     rows = [{f"axes.{axis}.stage.supply": 0.1 * n for axis in "xyz"} | {"masses.portal": 1.0} for n in range(9)]
-    found = uncertain.contributions(rows, [float(n) for n in range(9)])
+    found = contributions(rows, [float(n) for n in range(9)])
     assert found == (("axes.all.stage.supply", pytest.approx(1.0)),)
 
 

@@ -29,7 +29,8 @@ SMALL = ("--trials", "12", "--robust", "1", "--confirm", "3", "--acceleration", 
 
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE)
+    """Its stages are known: one repetition says nothing of others."""
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=f'{COARSE}[axes.all.stage]\nkind = "fast"\n')
 
 
 @pytest.fixture

@@ -152,6 +152,14 @@ class Verdict:
         return f"{took} of it on the line, {self.line}" if self.line_counts else f"{took} more on a line of {self.line}"
 
     @property
+    def part(self) -> str:
+        """What of the job was not made as it stands, in words; "" if it was made to its end. A number about the run is
+        one about the rest (jobs/18)."""
+        kinds = ((self.refused, "refused"), (self.unfinished, "not over"), (self.unsent, "not sent"))
+        left = ", ".join(f"{number} {what}" for number, what in kinds if number)
+        return left and f"{left}, of {self.commands + self.unsent} commands"
+
+    @property
     def controller_fault(self) -> bool:
         """True if the controller stands in an error."""
         return bool(self.fault_cause)

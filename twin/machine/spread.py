@@ -10,7 +10,8 @@ Two questions are asked of it:
     motor       R normal 4 % (at most 10), L normal 8 % (at most 20), torque constant +-8 %, rotor inertia normal 5 %,
                 detent log-normal 25 %, iron loss 40 %, its knee 30 %
     stage       current normal 3 %, part of the supply that drives it normal 5 % (at most 10), supply -12 to +4 %;
-                electronic damping, where the stage has it, log-normal 35 %
+                electronic damping, where the stage has it, log-normal 35 %; current at rest +-40 %, its delay
+                log-normal 35 %; how a current falls, where nobody has said it: DECAYS
     friction    of guides and of screws log-normal 35 %
     screw       efficiency 0.80 to 0.95, stiffness log-normal 35 %, backlash log-normal 50 %
     frame       stiffness log-normal 35 %, damping log-normal 47 %; squareness, guides log-normal 50 %
@@ -78,6 +79,8 @@ def _log_normal(size: float) -> Law:
 LAWS: Mapping[str, Law] = {
     "stage.supply": Law("uniform", low=0.88, high=1.04),  # transformer and rectifier; of a servo drive, too
     "stage.current": _normal(0.03),
+    "stage.idle_current": Law("uniform", low=0.6, high=1.4),  # of 0.5: usual stages are set to 0.3 to 0.7
+    "stage.idle_delay": _log_normal(0.35),
     "specimen.resistance": _normal(0.04),
     "specimen.inductance": _normal(0.08),
     "specimen.torque_constant": Law("uniform", low=0.92, high=1.08),
@@ -100,6 +103,8 @@ LAWS: Mapping[str, Law] = {
     "masses": _normal(0.05),
     "payload": Law("uniform", low=0.9, high=1.1),
 }
+DECAYS = (("fast", 0.4), ("mixed", 0.4), ("slow", 0.2))  # kinds of stages of a grade `estimate`, and how many are so
+MIXED_DECAY = Law("uniform", low=0.1, high=0.6, absolute=True)  # of driver ICs
 SHEET = frozenset(
     {"stage.current", "efficiency"}
     | {f"specimen.{name}" for name in ("resistance", "inductance", "torque_constant", "rotor_inertia", "supply_factor")}
@@ -154,7 +159,8 @@ def numbers(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Ma
     """Key and table of each number of a machine's tree, in its order; words and switches are none."""
     for key, value in tree.items():
         if isinstance(value, Mapping) and "value" in value:
-            yield prefix + key, value
+            if not isinstance(value["value"], str):
+                yield prefix + key, value
         elif isinstance(value, Mapping):
             yield from numbers(value, f"{prefix}{key}.")
 
