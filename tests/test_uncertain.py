@@ -153,7 +153,8 @@ def test_a_lead_error_is_drawn_only_where_it_has_an_effect() -> None:
     assert "axes.x.lead_error" not in robust.perturbation(machine, 0, 1, "known")[1]
     real = with_overrides(machine, {"imperfections": "real"})
     errors = 0.046 * drawn(real, 200)["axes.x.lead_error"]
-    assert ((errors > -0.054) & (errors < 0.146)).mean() == pytest.approx(0.95, abs=0.06)
+    assert ((errors > 0.046 - 0.25) & (errors < 0.046 + 0.25)).mean() == pytest.approx(0.95, abs=0.06)
+    assert np.abs(errors).max() > 0.22, "a router with screws sold as C7 was that much off"
 
 
 def test_a_machine_that_may_be_stiffer_has_the_step_it_needs_and_stands_where_this_one_does() -> None:

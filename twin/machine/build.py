@@ -29,6 +29,7 @@ from isel_twin.machine.schema import (
     Contact,
     Feeler,
     Guides,
+    Holder,
     Imperfections,
     Machine,
     MachineError,
@@ -69,7 +70,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
 _FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
-_OPTIONAL = ("supply", "spindle", "probe", "plate", "cam", "guides")
+_OPTIONAL = ("supply", "spindle", "holder", "probe", "plate", "cam", "guides")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
@@ -137,6 +138,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         axes=axes,
         supply=fixed("supply", Supply) if "supply" in tree else None,
         spindle=fixed("spindle", Spindle) if "spindle" in tree else None,
+        holder=fixed("holder", Holder) if "holder" in tree else None,
         probe=_feeler("probe", Probe),
         plate=_feeler("plate", Feeler),
         masses_kg={
