@@ -32,7 +32,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
+# how reliable a number is: fitted to data by a model that may be wrong; a setting is chosen by people
+GRADES = ("measured", "fitted", "datasheet", "estimate", "setting")
 
 T = TypeVar("T")
 

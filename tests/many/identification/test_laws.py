@@ -40,7 +40,8 @@ def trial(residuals: list[float], jacobian: list[list[float]] | None = None, u: 
     rows = np.array(jacobian) if jacobian else np.zeros((len(residuals), 0))
     data = tuple(Datum("stall", str(n), "day", 0.0, 1.0, "ln Hz") for n in range(len(residuals)))
     model = cast(Model, SimpleNamespace(data=data, zeros=lambda: np.zeros((len(data), 0))))
-    return _Trial(model, np.full(rows.shape[1], u), rows, np.array(residuals))
+    none, ones = np.zeros((len(data), 0)), np.ones(len(data))
+    return _Trial(model, np.full(rows.shape[1], u), rows, np.array(residuals), none, ones)
 
 
 @pytest.mark.parametrize(("one", "other"), [(3.0, 3.0), (0.1, -2.0), (0.0, 0.0)])

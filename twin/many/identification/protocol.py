@@ -288,4 +288,4 @@ def _of_push(readings: Sequence[Reading]) -> Iterator[Characteristic]:
 def _of_coast(readings: Sequence[Reading]) -> Iterator[Characteristic]:
     if len(readings) == 2:
         before, after = (one.mm - (one.counter_mm or 0.0) for one in readings)
-        yield Characteristic("overrun", "mm", after - before)
+        yield Characteristic("overrun", "mm", abs(after - before))  # upwards or downwards
