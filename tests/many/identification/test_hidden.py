@@ -75,7 +75,7 @@ def test_the_result_is_a_machine(fitted: tuple[Fit, list[Prospect]], found: Foun
     assert entry["grade"] == "measured"
     assert "95 %" in entry["source"]
     assert "first" in entry["source"]
-    assert 'grade = "estimate"' in patch(fitted[0], found.believed, "4030", "found", CONTROLLER, ["first"], [])
+    assert 'grade = "fitted"' in patch(fitted[0], found.believed, "4030", "found", CONTROLLER, ["first"], [])
 
 
 @pytest.mark.slow

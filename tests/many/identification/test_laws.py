@@ -171,7 +171,7 @@ def test_an_interval_holds_what_other_numbers_leave_open(heavier: Fit) -> None:
 def test_a_number_beside_is_no_measured_one(heavier: Fit) -> None:
     text = patch(heavier, MACHINE, "4030", "found", CONTROLLER, ["day"], ["other"])
     (line,) = (line for line in text.splitlines() if line.startswith("rotor_inertia"))
-    assert 'grade = "estimate"' in line
+    assert 'grade = "fitted"' in line
 
 
 def test_a_number_beside_costs_what_it_is_off(monkeypatch: pytest.MonkeyPatch) -> None:

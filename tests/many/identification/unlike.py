@@ -86,7 +86,7 @@ def _strays(reading: Reading, last: Reading | None, at: int) -> float:
 
 NONE = Effect("none")
 EFFECTS = (
-    Effect("a nut whose friction rises when slow", factors={"axes.x.breakaway": 2.0, "axes.x.stribeck_speed": 5.0}),
+    Effect("a nut whose friction rises when slow", factors={"axes.x.breakaway": 1.8, "axes.x.stribeck_speed": 5.0}),
     Effect("a guide whose friction rises when slow", rubs=lambda rub: 0.5 * (rub.speed_hz < CREEP_HZ)),
     Effect("friction that differs with direction", rubs=lambda rub: 0.4 * rub.way),
     Effect("friction that differs with place", rubs=lambda rub: 0.4 * np.sin(rub.mm / 10.0)),

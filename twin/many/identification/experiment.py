@@ -197,10 +197,8 @@ def _coast(tell: Teller, machine: Machine, language: Language, speed_hz: int, do
     comment = "enter the counter that this tells as counter_mm (isel-twin decode explains the reply)"
     steps += (Step(first), *(Step(data, comment=comment, any_reply=True) for data in asked))
     steps += tuple(Step(data) for data in others)
-    towards = "down" if down else "up"
-    return Block(
-        name, f"{tell.axis} {towards}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale", steps
-    )
+    how = f"{'down' if down else 'up'}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale"
+    return Block(name, f"{tell.axis} {how}", steps)
 
 
 def _stall(

@@ -18,9 +18,9 @@ same: they stand in J as those of further numbers of that prior, so they tell no
 intervals are in u, so never negative for a positive value, and as wide as the profile of the likelihood wants them
 (profile.py). A chi^2 beyond its quantile, of all data or of one kind (chi_square.py), says that the model does not
 explain the data: then no number is `measured`, whatever its interval, and the data that misfit most are named
-(many/15). Laws that predict better than what the file says, by data held back from both, are named, and what laws leave open that
-no datum excludes is in the intervals (laws.py). Numbers behind a common factor that no datum moves, or that the data do
-not tell apart, are found as well (reach.py).
+(many/15). Laws that predict better than what the file says, by data held back from both, are named, and what laws that
+no datum excludes leave open is in the intervals (laws.py). Numbers behind a common factor that no datum moves, or that
+the data do not tell apart, are found as well (reach.py).
 
 **Grades.** `measured` is a number only if nothing here speaks against it, and if it is of a family whose intervals hold
 what they say on machines that differ from the model (PROVEN, many/30). All else is `fitted`.
@@ -290,7 +290,8 @@ def fit(
     kinds = chi_squares(model, asked, u, last)
     scale = scale_of(model, kinds)
     unreached, alike = behind_factors(model, u, last, scale)
-    laws = compete(model, asked, u, last, chance, scale)
+    explains = chi2 <= limit and all(one.fits for one in kinds)
+    laws = compete(model, asked, u, last, chance, scale, explains)
     covariance, alone = _covariance(last, chance, scale), _covariance(last[:, :asked], chance, scale)
     ends = NORMAL_95 * np.outer(np.sqrt(np.diag(covariance)), np.ones(2))
     ends[:asked] = profile(model, asked, u, last, chance, covariance, scale)

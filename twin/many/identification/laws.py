@@ -21,6 +21,9 @@ far as a straight line tells:
     c = dr/dv               0 if within the scatter of the model; the other way as well if the law seems to help
     r + J du + c v          the data near u, with the law; without it v = 0
 
+If the fit does not explain its data, the numbers beside are as in the file for that: else they would take in what they
+can, however unlikely that is, and no law would be named.
+
 **Held back.** The runs (mountings of a gauge, stall series, durations) are dealt into FOLDS parts. Each part is
 predicted by a fit, linear in du and v, to the others, with the uncertainty that it leaves, and
 
@@ -163,23 +166,26 @@ def beside(model: Model) -> list[Unknown]:
     return [item for item, size in zip(able, seen, strict=True) if size >= MATTERS]
 
 
-def compete(model: Model, asked: int, u: Floats, jacobian: Floats, chance: Floats, scale: Floats) -> tuple[Law, ...]:
+def compete(
+    model: Model, asked: int, u: Floats, jacobian: Floats, chance: Floats, scale: Floats, explains: bool
+) -> tuple[Law, ...]:
     """All laws at u, the likeliest first. asked: how many of the model's parameters were, the others are beside.
     jacobian: at u; chance: [data, m], effects of further numbers there. scale: [data], variance of each over its
-    noise's, as the intervals have it."""
+    noise's, as the intervals have it. explains: as of the fit."""
     fitted = {item.keys[0]: (at, item) for at, item in enumerate(model.unknowns) if at >= asked and not item.factor}
     own = {key: pair for key, pair in fitted.items() if jacobian[:, pair[0]].any()}  # else seen by a wide step, maybe
     added, here = _candidates(model, asked, u), model.residuals_at(u)
     whole = _Trial(model, u, jacobian, here, chance, scale)
     bare = _Trial(model, u[:asked], jacobian[:, :asked], here - jacobian[:, asked:] @ u[asked:], chance, scale)
-    moved = _moved_alone(model, [item for item, _ in added if item.keys[0] not in own], u, bare)
+    alone = whole if explains else bare  # what is known of a number takes in what it can, however unlikely
+    moved = _moved_alone(model, [item for item, _ in added if item.keys[0] not in own], u, alone)
     tried: list[tuple[str, str, str, Floats, _Trial]] = []
     for item, law in added:
         key = item.keys[0]
         if key in own:
             at, known = own[key]
             moved[key] = jacobian[:, at] * item.deviation / known.deviation
-        tried.append((key, law, "that number measured elsewhere", moved[key], bare))
+        tried.append((key, law, "that number measured elsewhere", moved[key], alone))
     for split in SPLITS:
         part = np.array([split.part(datum) for datum in model.data])
         for at, item in enumerate(model.unknowns):
