@@ -284,7 +284,8 @@ def _print(result: Fit) -> None:
         times = f"{result.times:.1f} times better" if not result.worse else "worse"
         print(f"held out: {_told(result.before, result.after)}: {times}")
     else:
-        print("held out: nothing, so the result is an estimate")
+        print("held out: nothing, so no number is measured")
+    print(f"chi-square per degree of freedom, {', '.join(one.short for one in result.kinds)}")
 
 
 def _told(before: Mapping[str, float], after: Mapping[str, float]) -> str:

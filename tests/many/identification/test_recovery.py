@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.cli import main
 from isel_twin.machine import load_machine, with_overrides
+from isel_twin.many.identification import fit as fit_module
 from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification import trajectory as trajectory_module
 from isel_twin.many.identification.fit import fit
@@ -148,6 +149,7 @@ def test_what_the_data_tell_is_found_back_and_what_they_do_not_is_named() -> Non
 def test_what_is_not_recovered_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coast finds its friction back; had it not, the number would be a fitted one."""
     assert len(SPEEDS_MM_S) >= 8
+    monkeypatch.setattr(fit_module, "PROVEN", {"guide_friction"})
     monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(coasted_mm(one)))
     day = stand_alone("day", coasts(), CONTROLLER)
     found = fit(MACHINE, [unknown(MACHINE, "axes.x.guide_friction")], [day], [], gate=True)

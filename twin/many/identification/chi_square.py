@@ -37,6 +37,10 @@ class ChiSquare:
         return f"chi-square{of} {self.value:.1f} per degree of freedom, by chance at most {self.limit:.1f}"
 
     @property
+    def short(self) -> str:
+        return f"{self.kind} {self.value:.2f} (at most {self.limit:.1f})"
+
+    @property
     def fits(self) -> bool:
         return self.value <= self.limit
 

@@ -67,7 +67,12 @@ SETTLED = 1.0  # of the cost, which the scatter of the model moves by one or two
 WIDER = 1.5  # times as wide an interval by what was fitted beside, from which it is said
 OPEN = 1.5  # times as wide an interval by laws that the data do not exclude, from which it is no measured one
 # families of which a study of machines unlike the model has shown that 90 % intervals hold 85 to 95 % (many/30)
-PROVEN = frozenset({"backlash", "stiffness", "friction", "mass", "supply"})
+PROVEN = frozenset({"backlash", "stiffness"})
+ELSEWHERE = {  # what would measure some of the others
+    "friction": "the force that moves the axis with its motor off, by a spring scale",
+    "supply": "a voltmeter at the stages",
+    "mass": "scales",
+}
 BLAMED = 0.3  # correlation from which what was fitted beside is named for that
 
 
@@ -200,6 +205,13 @@ class Fit:
             )
         lines += [self._wider(at) for at, times in enumerate(self.widened) if times >= WIDER]
         lines += [self._left_open(at) for at, times in enumerate(self.open) if times >= OPEN]
+        names = {one.unknown.name: family(one.unknown.name) for one in self.estimates if one.remaining < WEAK}
+        if unproven := {name: of for name, of in names.items() if of not in PROVEN}:
+            tell = "; ".join(f"{ELSEWHERE[of]} ({name})" for name, of in unproven.items() if of in ELSEWHERE)
+            lines.append(
+                f"{', '.join(unproven)}: fitted, not measured: not shown to hold on machines unlike the model"
+                + (f"; what would tell: {tell}" if tell else "")
+            )
         would = [f"{one.key} ({one.law}, {self._said(one)})" for one in self.suspects]
         apart = "; these data do not tell them apart" if len(would) > 1 else "; fit it, too"
         if not self.explains:

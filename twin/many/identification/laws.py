@@ -34,11 +34,12 @@ the file says, and so do those as good as it, within DECISIVE or a fifth of what
 tell them apart. If the fit does not explain its data, a law must also take ENOUGH of the excess of chi-square away
 (many/17).
 
-**What they leave open.** No law is dismissed for gaining nothing: the data may just not see it. With the weight that
-held-back data give it, all laws together as likely beforehand as none,
+**What they leave open.** What may be off in the numbers of LAWS is in the intervals, as they are fitted beside. And no
+split is dismissed for gaining nothing: the data may just not see it. With the weight that held-back data give it, all n
+of them together ODDS times as likely beforehand as none,
 
-    w = e^gained / n / (1 + sum of e^gained / n)          n: of the laws
-    widens = sum of w ((variance of a number with the law) + (how far the law moves it)^2) / (variance without) - 1
+    w = e^gained ODDS / n / (1 + sum of e^gained ODDS / n)
+    widens = w ((variance of a number with the law + (how far the law moves it)^2) / variance without - 1)
 
 is what the interval of each number grows by (many/29).
 """
@@ -117,6 +118,7 @@ SPLITS = (
 MATTERS = 0.5  # standard deviations of the data, of all together, from which a number is fitted beside the others
 FOLDS = 5
 MOST_GAINED = 50.0
+ODDS = 2.0  # of all SPLITS together, beforehand, to none of them
 DECISIVE = 3.0  # in natural logarithms of the likelihood of what is held back: twenty times as likely
 NEARLY = 0.8  # of what the best one has gained, from which on another is alike
 ENOUGH = 0.5  # part of the excess of chi-square that a law must take away to explain data that the fit does not
@@ -131,7 +133,7 @@ class Law:
     share: float  # of the excess of chi-square that it takes away, at most 1
     gained: float  # what held-back data say for it, in natural logarithms of their likelihood
     widens: tuple[float, ...] = ()  # by parameter asked for: what it adds to the variance, over that without any law
-    tells: str = ""  # what would tell
+    tells: str = ""  # what would tell, of a split
 
 
 def rivals(laws: Sequence[Law], explains: bool) -> tuple[Law, ...]:
@@ -179,23 +181,24 @@ def compete(
     bare = _Trial(model, u[:asked], jacobian[:, :asked], here - jacobian[:, asked:] @ u[asked:], chance, scale)
     alone = whole if explains else bare  # what is known of a number takes in what it can, however unlikely
     moved = _moved_alone(model, [item for item, _ in added if item.keys[0] not in own], u, alone)
-    tried: list[tuple[str, str, str, Floats, _Trial]] = []
+    found = []
     for item, law in added:
         key = item.keys[0]
         if key in own:
             at, known = own[key]
             moved[key] = jacobian[:, at] * item.deviation / known.deviation
-        tried.append((key, law, "that number measured elsewhere", moved[key], alone))
-    for split in SPLITS:
-        part = np.array([split.part(datum) for datum in model.data])
-        for at, item in enumerate(model.unknowns):
-            if family(item.name) == split.family:
-                tried.append((item.name, split.law, split.tells, part * jacobian[:, at], whole))
-    likely = np.exp([min(whole.gained(column), MOST_GAINED) for *_, column, _ in tried]) / max(1, len(tried))
-    found = []
-    for (key, law, tells, column, against), weight in zip(tried, (likely / (1.0 + likely.sum())).tolist(), strict=True):
-        widens = weight * whole.more(column)[:asked]
-        found.append(Law(key, law, against.share(column, asked), against.gained(column), tuple(widens.tolist()), tells))
+        found.append(Law(key, law, alone.share(moved[key], asked), alone.gained(moved[key]), (0.0,) * asked))
+    tried = [
+        (split, item.name, np.array([split.part(datum) for datum in model.data]) * jacobian[:, at])
+        for split in SPLITS
+        for at, item in enumerate(model.unknowns)
+        if family(item.name) == split.family
+    ]
+    gained = [whole.gained(column) for *_, column in tried]
+    likely = np.exp(np.minimum(gained, MOST_GAINED)) * ODDS / max(1, len(tried))
+    for (split, name, column), gain, part in zip(tried, gained, likely / (1.0 + likely.sum()), strict=True):
+        widens = tuple((part * whole.more(column)[:asked]).tolist())
+        found.append(Law(name, split.law, whole.share(column, asked), gain, widens, split.tells))
     return tuple(sorted(found, key=lambda one: -one.gained))
 
 
