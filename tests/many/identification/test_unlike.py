@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import cast
 
@@ -110,7 +111,17 @@ def test_a_split_is_a_number_that_some_data_see_otherwise(law: str, parts: tuple
     """A reversal, a full and a half pull, a coast upwards and one downwards."""
     data = (datum("reading"), datum("pull", 1.0), datum("pull", 0.5), datum("overrun", way=1), datum("overrun", way=-1))
     (split,) = (one for one in SPLITS if one.law == law)
-    assert tuple(split.part(one) for one in data) == parts
+    assert tuple(split.parts(data)) == parts
+
+
+def test_a_split_is_no_wider_than_such_things_are() -> None:
+    """A backlash of 0.02 mm, half to twice, keeps 7 um, its deviation; one of 0.6 mm keeps 12 um of 0.18 mm."""
+    machine, split = load_machine("4030"), next(one for one in SPLITS if one.law.startswith("a frame"))
+    assert split.size(unknown(machine, "backlash.x"), 0.0) == 1.0
+    wide = unknown(machine, "backlash.x", (0.3, 1.2))
+    assert split.size(wide, math.log(0.6 / wide.prior) / wide.deviation) == pytest.approx(
+        0.012 / (0.6 * math.log(4) / 4)
+    )
 
 
 @pytest.mark.parametrize("apart", [0.0, 3.0])

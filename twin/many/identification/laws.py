@@ -71,6 +71,8 @@ LAWS = {  # numbers of an axis, and what each stands for
     "stribeck_speed": "friction that falls with speed",
     "lead_error": "an error of the lead",
 }
+HALF_TO_TWICE = 0.35  # deviation of a logarithm
+KEPT_MM = 0.012  # what a frame keeps of a pull, or a gauge of lost motion
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,16 @@ class Split:
     family: str  # of the parameter
     law: str
     part: Callable[[Datum], float]  # of the number's effect on a datum that is off by a number of its own
+    most: float  # standard deviation of that number, at most: mm, else relative; below it that of the prior
     tells: str  # what would tell
+
+    def parts(self, data: Sequence[Datum]) -> Floats:
+        return np.array([self.part(datum) for datum in data])
+
+    def size(self, item: Unknown, u: float) -> float:
+        """Standard deviation of that number, over that of the parameter's prior; u: of the parameter."""
+        lengths = item.unit == "mm" and item.logarithmic
+        return min(1.0, self.most / (item.deviation * (item.value(u) if lengths else 1.0)))
 
 
 SPLITS = (
@@ -88,30 +99,35 @@ SPLITS = (
         "friction",
         "friction that is another one when slow (Stribeck)",
         lambda datum: float(datum.kind in ("reading", "pull")),
+        HALF_TO_TWICE,
         "the force that moves the axis slowly with its motor off, by a spring scale",
     ),
     Split(
         "friction",
         "friction that differs with direction",
         lambda datum: float(datum.way),
+        HALF_TO_TWICE,
         "coasts in both directions, repeated",
     ),
     Split(
         "stiffness",
         "a nut softer at small force",
         lambda datum: 1.0 - datum.load if datum.kind in ("reading", "pull") else 0.0,
+        HALF_TO_TWICE,
         "pulls at three or more forces",
     ),
     Split(
         "backlash",
         "a frame that keeps what it was pulled by",
         lambda datum: float(datum.kind == "pull"),
+        KEPT_MM,
         "a gauge read before a pull and after it is gone, and a second one between nut and carriage",
     ),
     Split(
         "backlash",
         "lost motion that pulls do not show, as of a gauge that sticks",
         lambda datum: float(datum.kind == "reading"),
+        KEPT_MM,
         "reversals read by another gauge",
     ),
 )
@@ -189,7 +205,7 @@ def compete(
             moved[key] = jacobian[:, at] * item.deviation / known.deviation
         found.append(Law(key, law, alone.share(moved[key], asked), alone.gained(moved[key]), (0.0,) * asked))
     tried = [
-        (split, item.name, np.array([split.part(datum) for datum in model.data]) * jacobian[:, at])
+        (split, item.name, split.size(item, u[at]) * split.parts(model.data) * jacobian[:, at])
         for split in SPLITS
         for at, item in enumerate(model.unknowns)
         if family(item.name) == split.family
