@@ -49,7 +49,7 @@ from isel_twin.many.identification.chi_square import FITS, ChiSquare, chi_square
 from isel_twin.many.identification.chi_square import scale as scale_of
 from isel_twin.many.identification.laws import LAWS, Law, beside, compete, rivals
 from isel_twin.many.identification.model import BOUND, NOT_IDENTIFIED, WEAK, Floats, Model, searched
-from isel_twin.many.identification.noise import Noise, with_noise
+from isel_twin.many.identification.noise import Noise, student, with_noise
 from isel_twin.many.identification.profile import profile
 from isel_twin.many.identification.reach import Alike, OutOfReach, behind_factors
 from isel_twin.many.identification.recovery import family, unrecovered
@@ -309,7 +309,8 @@ def fit(
     ends[:asked] = profile(model, asked, u, last, chance, covariance, scale)
     narrow = np.sqrt(np.diag(covariance)[:asked] / np.diag(alone))
     wider = np.ones(len(u))
-    wider[:asked] = np.minimum(_open(laws, asked), 1.0 / np.sqrt(np.diag(covariance)[:asked]))
+    few = student(one for each in noise[: len(fitted)] for one in each)
+    wider[:asked] = np.minimum(few * np.array(_open(laws, asked)), 1.0 / np.sqrt(np.diag(covariance)[:asked]))
     covariance, ends = covariance * np.outer(wider, wider), ends * wider[:, None]
     deviation = np.sqrt(np.diag(covariance))
     estimates = tuple(
