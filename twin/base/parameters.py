@@ -34,7 +34,8 @@ from typing import Any, TypeVar, cast
 
 from isel_twin.base.printable import shown_line
 
-GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
+# how reliable a number is: fitted to data by a model that may be wrong; a setting is chosen by people
+GRADES = ("measured", "fitted", "datasheet", "estimate", "setting")
 
 T = TypeVar("T")
 

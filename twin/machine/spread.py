@@ -25,7 +25,7 @@ whose 95 % range is half to twice (jobs/7). Normal draws are cut at 2.5, log-nor
     interval = [low, high] in the file      that, whatever the grade; `identify` writes it
     measured                                a tenth off at most
     datasheet, setting                      the law of its kind: what one buys or sets comes as makers spread it
-    estimate                                half to twice; of a number that makers do print (SHEET) the law of its kind
+    fitted, estimate                        half to twice; of a number that makers do print (SHEET) the law of its kind
 
 A number of no kind, such as a length, is what the file says, unless it has an interval. What is 0 stays 0.
 """
@@ -43,8 +43,14 @@ NORMAL_95 = 1.96  # standard deviations either way that hold 95 %
 MOST_DEVIATIONS = 2.5  # of a draw within an interval
 
 # by grade, for a number that has no interval and whose kind says nothing of it: from value / this to value * this
-GRADE_FACTOR: Mapping[str, float] = {"measured": 1.1, "datasheet": 1.2, "setting": 1.2, "estimate": 2.0}
-LEAD_PERCENT = 0.25  # either way, of a lead error: what axes show, not what the class of a screw allows (many/29)
+GRADE_FACTOR: Mapping[str, float] = {
+    "measured": 1.1,
+    "datasheet": 1.2,
+    "setting": 1.2,
+    "fitted": 2.0,
+    "estimate": 2.0,
+}
+LEAD_PERCENT = 0.25  # either way, of a lead error: what axes show, not what the class of a screw allows (many/32)
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,8 @@ def own(key: str, entry: Mapping[str, Any]) -> tuple[float, float] | None:
     value, grade, of = float(entry["value"]), entry["grade"], kind(key)
     if key.startswith("axes.") and key.endswith(".lead_error"):
         return value - LEAD_PERCENT, value + LEAD_PERCENT
-    if not of or not value or grade not in ("measured", "estimate") or (grade == "estimate" and of in SHEET):
+    guessed = grade in ("fitted", "estimate")
+    if not of or not value or (guessed and of in SHEET) or not (guessed or grade == "measured"):
         return None
     return _ordered(value / GRADE_FACTOR[grade], value * GRADE_FACTOR[grade])
 
