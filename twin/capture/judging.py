@@ -19,7 +19,7 @@ _OFFENCES = {  # by the names of `AxisTiming` and `Needs`
 
 
 def of_signals(ticks: Ticks, needs: Needs) -> Iterator[Finding]:
-    """Gaps, and times that are too short for the drives of each axis. Steps without power are the verdict's
+    """Gaps (capture/5), and times too short for the drives of each axis. Steps without power are the verdict's
     (`unpowered`).
     """
     if ticks.gaps:
