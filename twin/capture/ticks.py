@@ -92,20 +92,21 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
     for axis in used:
         if f"{axis}.step" in waves:
             step, direction = waves[f"{axis}.step"], waves[f"{axis}.dir"]
-            (t_ns, *said), pulses = _steps(step, edge), [step]
+            (t_ns, said), pulses = _steps(step, edge), [step]
             sign = np.where(direction.at(t_ns), 1, -1).astype(np.int8)
             if f"{axis}.full" in waves:
                 sign *= waves[f"{axis}.full"].at(t_ns) + np.int8(1)
             setup, hold = _around(t_ns, direction.t_ns, needs)
         else:
             pulses = [waves[f"{axis}.plus"], waves[f"{axis}.minus"]]
-            parts, said = zip(*(_steps(wave, edge) for wave in pulses), strict=True)
+            parts, told = zip(*(_steps(wave, edge) for wave in pulses), strict=True)
+            said = " and ".join(filter(None, dict.fromkeys(told)))
             t_ns = np.concatenate(parts)
             sign = np.repeat(np.array([1, -1], dtype=np.int8), [part.size for part in parts])
             order = np.argsort(t_ns, kind="stable")
             t_ns, sign = t_ns[order], sign[order]
             setup = hold = None
-        remarks += [f"{axis.upper()}: {text}" for text in said if text]
+        remarks += [f"{axis.upper()}: {said}"] if said else []
         between = np.diff(t_ns)
         timing[axis] = AxisTiming(
             steps=t_ns.size,
