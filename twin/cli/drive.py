@@ -60,8 +60,8 @@ def drive(
 
     The signals of each axis are named by --map, repeated or separated by commas: x.step and x.dir (or x.plus and
     x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
-    high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, --steps and --vcd of `run`,
-    and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
+    high. Understood are CSV of Saleae Logic and sigrok, LinuxCNC's `halsampler -t`, other CSV with times, VCD, --steps
+    and --vcd of `run`, and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
 
     Positions are relative to the beginning of the capture: --start, or random by --seed. The default limits of pulses
     and changes of direction are those of a DRV8825; 0 is no limit.
