@@ -58,7 +58,7 @@ USER := build/user
 .PHONY: sbom audit
 $(RELEASE)/.ready:
 	$(PYTHON) -m venv $(RELEASE)
-	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build twine cyclonedx-bom pip-audit
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build twine cyclonedx-bom
 	@touch $@
 
 $(USER)/.ready: pyproject.toml
@@ -70,9 +70,8 @@ sbom: $(RELEASE)/.ready $(USER)/.ready ## what an installation contains, as buil
 	$(RELEASE)/bin/cyclonedx-py environment $(USER)/bin/python --pyproject pyproject.toml --output-reproducible \
 	  --output-file build/isel-twin.cdx.json
 
-audit: $(RELEASE)/.ready $(USER)/.ready ## its packages against the public database of advisories; needs a network
-	$(RELEASE)/bin/pip-audit --progress-spinner off --strict --path \
-	  $$($(USER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+audit: $(READY)      ## what an installation brings against the public database of advisories, where an index answers
+	@$(BIN)/python -m tests.audit
 
 .PHONY: package
 package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and the wheel tried in an environment of its own
@@ -101,6 +100,12 @@ build/site/.ready:
 	$(PYTHON) -m venv build/site
 	build/site/bin/python -m pip install --quiet --disable-pip-version-check sphinx myst-parser furo
 	@touch $@
+
+.PHONY: findings
+findings:            ## surprises of other libraries and tools, each run once more; needs a network
+	@failed=; for script in findings/*.sh; do \
+	  echo "$$script"; bash $$script || failed="$$failed $$script ($$?)"; done; \
+	  if [ -n "$$failed" ]; then echo "no longer so, or not to be had (3):$$failed"; exit 1; fi
 
 .PHONY: browser
 browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped

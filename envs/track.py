@@ -28,6 +28,7 @@ from isel_twin.envs.variations import VARIATIONS, checked, limits_rad_s, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
+from isel_twin.plant.picture import has_screen
 
 if TYPE_CHECKING:
     from isel_twin.plant.picture import Picture, Window
@@ -80,7 +81,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Rewards
     The unit is the millimetre of path. The reward of a step is the sum of these terms, each also in `info`:
-    - *reward_progress*: the distance that the nearest point has moved along the path, mm; backwards is negative.
+    - *reward_progress*: the distance that the nearest point has moved along the path, mm, but no more than the tool
+      has moved in that direction; backwards is negative.
     - *reward_time*: minus `time_weight` times the time of the step.
     - *reward_deviation*: minus `deviation_weight` times the time of the step, times the square of the deviation over
       the tolerance.
@@ -89,9 +91,10 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     A whole path gives its length less its costs. `abort_penalty` should exceed the cost of standing still
     (`time_weight` times `time_limit_s`), or aborting would pay.
 
-    `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path), `time_s` (since the
-    start), `edge` (the least factor on the speed of any motor in the last step until it swings itself out of step, inf
-    at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
+    `info` also has `way_mm` (how far along the path), `deviation_mm` (of the tool from the path, the largest of looks
+    every 2 ms; or, if it is above the tolerance, of a point of the path that was passed over from the tool's way),
+    `time_s` (since the start), `edge` (the least factor on the speed of any motor in the last step until it swings
+    itself out of step, inf at rest), and at the end of an episode `ended`: "done", "outside", "lost steps" or "time".
 
     ## Starting State
     The machine stands at the start of the path, stages on, at rest: in the middle of its travel, or as near to it as
@@ -115,15 +118,17 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     ## Episode End
     ### Termination
-    1. Done: the tool is within the tolerance of the end of the path, and no frequency is above 300 Hz.
-    2. Out of tolerance: the tool is further than `tolerance_mm` from the path.
+    1. Done: no frequency is above 300 Hz, and for 20 ms the tool has been within the tolerance of the end of the path
+       and no rotor more than a full step from its counter.
+    2. Out of tolerance: `deviation_mm` is above `tolerance_mm`.
     3. Lost steps: counter and rotor of an axis are two full steps apart or more, where the motor pulls no longer.
     ### Truncation
     `time_limit_s` of virtual time is over.
 
     ## Rendering
     `rgb_array` is a picture of the machine with the path on its table; `human` shows it in a window of MuJoCo's viewer,
-    in real time at most. Either needs OpenGL, the window a screen; without, one line says so.
+    in real time at most. Either needs OpenGL, the window a screen; without, one line says so, and without a screen
+    the environment's `metadata` has no "human".
 
     ## Arguments
     ```python
@@ -200,7 +205,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         least[[15, 16, 17, SIZE - 2, SIZE - 1]] = 0.0
         self.observation_space = Box(least, np.ones(SIZE), dtype=np.float64)
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1e9 / step_ns)}
+        modes = self.metadata["render_modes"] if has_screen() else ["rgb_array"]
+        self.metadata = {"render_modes": modes, "render_fps": round(1e9 / step_ns)}
         self.step_s = step_ns * 1e-9  # time of a step
         self._path = path
         self._reference_mm = reference_mm

@@ -83,9 +83,11 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         randomised: Mapping[str, Sequence[float]] | None = None,
         along: Mapping[str, float] | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
-        """options: those of TrackPath. workers: threads, None: the number of processors.
+        """options: those of TrackPath. workers: threads, None: the number of processors. max_episode_steps: as in
+        `gymnasium.make`; an episode ends by "time" then, too.
 
         randomised, along: arguments of the wrappers Randomised and AlongPath, {} for its defaults; None: without it.
         Raises ValueError with one line for a wrong argument.
@@ -95,6 +97,8 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
             raise ValueError(f"num_envs is {num_envs}; give at least 1")
         if workers is not None and workers < 1:
             raise ValueError(f"workers is {workers}; give at least 1")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps is {max_episode_steps}; give at least 1")
         autoreset = AutoresetMode(autoreset_mode)
         if autoreset is AutoresetMode.DISABLED:
             raise ValueError("autoreset_mode is 'Disabled'; there are: 'NextStep', 'SameStep'")
@@ -122,6 +126,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         for k, track in enumerate(tracks):
             track.keep_in(self._track[k : k + 1], self._lanes[k])
         self._places = np.zeros(num_envs, PLACE)
+        self._most_steps = max_episode_steps
         self._left = np.zeros(num_envs, np.int64)  # steps until the time is over, 0: the episode is over
         self._begun = False
         self._options: dict[str, Any] | None = None
@@ -197,7 +202,8 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         parts = self._tracks[k].at_work[: len(_ARRAYS)]
         _, _, _, shape_mm, path, t_ns, _ = parts
         self._places[k] = (*(part.ctypes.data for part in parts), shape_mm.shape[1], len(path), len(t_ns))
-        self._left[k] = self._tracks[k].steps_left
+        steps = self._tracks[k].steps_left
+        self._left[k] = steps if self._most_steps is None else min(steps, self._most_steps)
         return observation
 
     def _begin_over(self, observations: NDArray[np.float64], overs: NDArray[np.int64]) -> dict[str, Any]:

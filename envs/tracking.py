@@ -4,11 +4,12 @@ environment costs little more than its physics. A step of h:
     frequencies f_i  --- pulses at u_i = k + 1/2 --->  the kernel's advance  --->  tool p, rotors, margins
                          u_i' = u_i + f_i h                                          |
                                                                                      v
-    path P(s)  . . . . . nearest point P(s) within a window about the last one,  deviation |p - P(s)|
+    path P(s)  . . . . . nearest point P(s) within a window about the last one,  deviation |p - P(s)|, progress
 
 u_i is the phase of an axis in steps, its counter the nearest whole number: so pulses are evenly spaced within a step
 and across steps at any change of frequency, and the counter is never off by more than half a step. The nearest point is
-searched only near the last one, as a path may cross itself (envs/8).
+searched only near the last one, as a path may cross itself (envs/8). A point of the path that is passed over counts for
+the deviation, and progress is never more than the tool's own way (envs/12).
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # distances of the observed points ahead
 SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
 DONE, OUTSIDE, LOST = 1, 2, 4  # what `take_step` returns: bits, 0 if the episode goes on
 STOPS_HZ = 300.0  # step frequency from which every axis can stop at once: the limit at the end of the path
+REST_NS = 20_000_000  # rest at the end: two swings of a rotor, one of a portal (envs/11)
+LOOK_NS = 2_000_000  # the tool is compared with the path at least this often
 BACK_MM = 1.0  # the search for the nearest point goes this far back, and this far beyond the reach of a step
 
 REWARDS = ("reward_progress", "reward_time", "reward_deviation", "reward_abort")
@@ -44,6 +47,10 @@ TRACK = np.dtype(  # settings and state of an episode
         ("began_ns", "i8"),
         ("piece", "i8"),  # piece of the path nearest to the tool
         ("way_mm", "f8"),  # s
+        ("x_mm", "f8"),  # tool from the start of the path
+        ("y_mm", "f8"),
+        ("z_mm", "f8"),
+        ("rest_ns", "i8"),  # time for which the machine has stood at the end
         ("led_mm", "f8"),  # of the point that `aim` leads along the path
         ("deviation_mm", "f8"),
         ("edge", "f8"),  # least factor on the speed of any motor in the last step until it swings; inf at rest
@@ -117,14 +124,42 @@ def lay_pulses(lanes, start_ns, step_ns, t_ns, delta):
 
 
 @njit(nogil=True, error_model="numpy")
-def find(path, track, x, y, z):
-    """X, Y, Z of the path's [m, 4] point nearest to a place, near the last one; sets piece, way, deviation of track."""
+def _off_mm(path, j, track, x, y, z):
+    """Distance of the path's point j from the straight way of the tool, from where `track` has it to a place."""
+    way_x, way_y, way_z = x - track.x_mm, y - track.y_mm, z - track.z_mm
+    d_x, d_y, d_z = path[j, 0] - track.x_mm, path[j, 1] - track.y_mm, path[j, 2] - track.z_mm
+    square = way_x * way_x + way_y * way_y + way_z * way_z
+    share = 0.0
+    if square > 0.0:
+        share = min(1.0, max(0.0, (d_x * way_x + d_y * way_y + d_z * way_z) / square))
+    d_x, d_y, d_z = d_x - share * way_x, d_y - share * way_y, d_z - share * way_z
+    return math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
+
+
+@njit(nogil=True, error_model="numpy")
+def place_on(path, j, way_mm):
+    """X, Y, Z of the path's [m, 4] point at a distance along it, in its piece j."""
+    share = (way_mm - path[j, 3]) / (path[j + 1, 3] - path[j, 3])
+    return (
+        path[j, 0] + share * (path[j + 1, 0] - path[j, 0]),
+        path[j, 1] + share * (path[j + 1, 1] - path[j, 1]),
+        path[j, 2] + share * (path[j + 1, 2] - path[j, 2]),
+    )
+
+
+@njit(nogil=True, error_model="numpy")
+def follow(path, track, x, y, z):
+    """Follow the tool to a place; return its progress in mm. Sets piece, way, deviation and place of the track.
+
+    The nearest point of the path [m, 4] is looked for near the last one. The deviation is the tool's from there, or
+    that of a point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point
+    has gone on; forwards, no more than the tool has moved in that direction.
+    """
     low_mm, high_mm = track.way_mm - BACK_MM, track.way_mm + BACK_MM + track.reach_mm
     j = track.piece
     while j > 0 and path[j, 3] > low_mm:
         j -= 1
-    least, place_x, place_y, place_z = math.inf, path[j, 0], path[j, 1], path[j, 2]
-    piece, way_mm = track.piece, track.way_mm
+    least, piece, way_mm = math.inf, track.piece, track.way_mm
     while j < path.shape[0] - 1 and path[j, 3] < high_mm:
         a_x, a_y, a_z = path[j, 0], path[j, 1], path[j, 2]
         d_x, d_y, d_z = path[j + 1, 0] - a_x, path[j + 1, 1] - a_y, path[j + 1, 2] - a_z
@@ -133,11 +168,35 @@ def find(path, track, x, y, z):
         p_x, p_y, p_z = a_x + share * d_x, a_y + share * d_y, a_z + share * d_z
         square = (x - p_x) * (x - p_x) + (y - p_y) * (y - p_y) + (z - p_z) * (z - p_z)
         if square < least:
-            least, place_x, place_y, place_z, piece = square, p_x, p_y, p_z, j
+            least, piece = square, j
             way_mm = path[j, 3] + share * (path[j + 1, 3] - path[j, 3])
         j += 1
-    track.piece, track.way_mm, track.deviation_mm = piece, way_mm, math.sqrt(least)
-    return place_x, place_y, place_z
+    deviation_mm, progress_mm = math.sqrt(least), way_mm - track.way_mm
+    if progress_mm > 0.0:
+        for passed in range(track.piece + 1, piece + 1):
+            off_mm = _off_mm(path, passed, track, x, y, z)
+            if off_mm > track.tolerance_mm:
+                deviation_mm = max(deviation_mm, off_mm)
+        from_x, from_y, from_z = place_on(path, track.piece, track.way_mm)
+        to_x, to_y, to_z = place_on(path, piece, way_mm)
+        d_x, d_y, d_z = to_x - from_x, to_y - from_y, to_z - from_z
+        along_mm = (x - track.x_mm) * d_x + (y - track.y_mm) * d_y + (z - track.z_mm) * d_z
+        along_mm /= max(math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z), 1e-12)
+        progress_mm = max(0.0, min(progress_mm, along_mm))
+    track.piece, track.way_mm, track.deviation_mm = piece, way_mm, deviation_mm
+    track.x_mm, track.y_mm, track.z_mm = x, y, z
+    return progress_mm
+
+
+@njit(nogil=True, error_model="numpy")
+def tool_mm(parts, lanes, shape_mm):
+    """X, Y, Z of the tool from the start of the path."""
+    x = y = z = 0.0
+    for j in range(shape_mm.shape[1]):
+        x += shape_mm[0, j] * parts.place[j]
+        y += shape_mm[1, j] * parts.place[j]
+        z += shape_mm[2, j] * parts.place[j]
+    return x - lanes[0].origin_mm, y - lanes[1].origin_mm, z - lanes[2].origin_mm
 
 
 @njit(nogil=True, error_model="numpy")
@@ -145,16 +204,10 @@ def look(memory, track, lanes, shape_mm, path, observation):
     """Fill in `observation` [SIZE] of the environment, and reset margins and edge."""
     parts = parts_of(memory)
     track.edge = math.inf
-    x = y = z = 0.0
-    for j in range(shape_mm.shape[1]):
-        x += shape_mm[0, j] * parts.place[j]
-        y += shape_mm[1, j] * parts.place[j]
-        z += shape_mm[2, j] * parts.place[j]
-    x, y, z = x - lanes[0].origin_mm, y - lanes[1].origin_mm, z - lanes[2].origin_mm
-    place_x, place_y, place_z = find(path, track, x, y, z)
+    place_x, place_y, place_z = place_on(path, track.piece, track.way_mm)
     for i in range(AXES):
         lane, axis = lanes[i], parts.axes[i]
-        tool = x if i == 0 else y if i == 1 else z
+        tool = track.x_mm if i == 0 else track.y_mm if i == 1 else track.z_mm
         nearest = place_x if i == 0 else place_y if i == 1 else place_z
         speed = 0.0
         for j in range(shape_mm.shape[1]):
@@ -214,7 +267,10 @@ def aim(tracks, lanes, path, feed_mm_s, offset_mm, asked, action):
 @njit(nogil=True, error_model="numpy")
 def begin(memory, tracks, lanes, shape_mm, path, observation):
     """The first observation; arguments as for `take_step`."""
-    look(memory, tracks[0], lanes, shape_mm, path, observation)
+    track = tracks[0]
+    track.x_mm, track.y_mm, track.z_mm = tool_mm(parts_of(memory), lanes, shape_mm)
+    follow(path, track, track.x_mm, track.y_mm, track.z_mm)
+    look(memory, track, lanes, shape_mm, path, observation)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -231,24 +287,36 @@ def take_step(memory, tracks, lanes, shape_mm, path, t_ns, delta, no_leads, acti
             return -1
     for i in range(AXES):
         lanes[i].rate_hz = lanes[i].highest_hz * _within(action[i])
-    n = lay_pulses(lanes, track.until_ns, track.step_ns, t_ns, delta)
-    track.until_ns += track.step_ns
-    advance(memory, track.until_ns, t_ns[:n], delta[:n], no_leads, 0)
-    before_mm = track.way_mm
+    n, first, end_ns = lay_pulses(lanes, track.until_ns, track.step_ns, t_ns, delta), 0, track.until_ns + track.step_ns
+    progress_mm = deviation_mm = 0.0
+    while track.until_ns < end_ns:
+        track.until_ns = min(track.until_ns + LOOK_NS, end_ns)
+        last = first
+        while last < n and t_ns[last] <= track.until_ns:
+            last += 1
+        advance(memory, track.until_ns, t_ns[first:last], delta[first:last], no_leads, 0)
+        first = last
+        x, y, z = tool_mm(parts, lanes, shape_mm)
+        progress_mm += follow(path, track, x, y, z)
+        deviation_mm = max(deviation_mm, track.deviation_mm)
+        if parts.plant[0].lost_dof >= 0:
+            track.until_ns = end_ns
+    track.deviation_mm = deviation_mm
     look(memory, track, lanes, shape_mm, path, observation)
-    length_mm = path[path.shape[0] - 1, 3]
-    over, stands = 0, True
-    if not track.deviation_mm <= track.tolerance_mm or parts.plant[0].lost_dof >= 0:
+    over, slow, stands = 0, True, path[path.shape[0] - 1, 3] - track.way_mm <= track.tolerance_mm
+    if not deviation_mm <= track.tolerance_mm or parts.plant[0].lost_dof >= 0:
         over |= OUTSIDE
     for i in range(AXES):
         lag = parts.commanded[i] - parts.states[i].theta_rad * parts.axes[i].steps_per_rad
         if not abs(lag) < lanes[i].half_slip:
             over |= LOST
-        stands = stands and abs(lanes[i].rate_hz) <= STOPS_HZ
-    if over == 0 and stands and length_mm - track.way_mm <= track.tolerance_mm:
+        slow = slow and abs(lanes[i].rate_hz) <= STOPS_HZ
+        stands = stands and abs(lag) <= 0.5 * lanes[i].half_slip
+    track.rest_ns = track.rest_ns + track.step_ns if stands else 0
+    if over == 0 and slow and track.rest_ns >= REST_NS:
         over = DONE
     step_s, share = 1e-9 * track.step_ns, min(1.0, track.deviation_mm / track.tolerance_mm)
-    track.reward_progress = track.way_mm - before_mm
+    track.reward_progress = progress_mm
     track.reward_time = -track.time_weight * step_s
     track.reward_deviation = -track.deviation_weight * step_s * share * share
     track.reward_abort = -track.abort_penalty if over & (OUTSIDE | LOST) else 0.0

@@ -8,6 +8,7 @@ import logging
 import sys
 from subprocess import CompletedProcess
 
+from isel_twin.base.printable import ShownStream
 from isel_twin.cli import main
 
 
@@ -20,7 +21,7 @@ def isel_twin(*arguments: object, stdin: str = "") -> CompletedProcess[str]:
     before, sys.stdin = sys.stdin, given
     code: object = 0
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with contextlib.redirect_stdout(ShownStream(out)), contextlib.redirect_stderr(ShownStream(err)):
             main(words)
     except SystemExit as ended:
         code = ended.code

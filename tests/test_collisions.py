@@ -302,6 +302,7 @@ def test_the_fixtures_of_a_machine_and_of_a_job_stand_on_one_table(tmp_path: Pat
             "size_mm = [100, -2, 40]",
             r":4: fixture 1\.size_mm: -2; allowed: 0.01 .. 10000 mm",
         ),
+        ("size_mm", '"a\\nb\\u001b"', r": fixture 1\.a\\nb\\x1b: unknown key; "),
         ("size_mm", "sizes_mm", r":4: fixture 1\.sizes_mm: unknown key; did you mean 'size_mm'"),
         ('shape = "box"', 'shape = "ball"', r":3: fixture 1\.shape: 'ball'; allowed: box, cylinder, ring, mesh"),
         ('shape = "box"\nsize_mm = [100, 20, 90]', 'shape = "mesh"', r"fixture 1\.file: missing; allowed: the STL"),

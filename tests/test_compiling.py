@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.base import compiled_code, compiling, object_code
 from tests.forked import PATIENCE_S
+from tests.reliability.figures import code_mb
 
 pytestmark = pytest.mark.long(seconds=14)
 
@@ -230,8 +231,11 @@ def test_kept_object_code_is_called_without_numba(tmp_path: Path) -> None:
     assert told(CALLS, NUMBA_OPT="1") == [f"{same} True"]
     assert told(CALLS, by=3) == [f"{changed} True"]
     (code,) = (tmp_path / "cache").glob("kept.total-*.o")
-    code.write_bytes(code.read_bytes()[:100])
-    assert told(CALLS, by=3) == [f"{changed} True"]
+    whole = code.read_bytes()
+    machine_code = whole.index(b"\x7fELF") + 64
+    for damaged in (whole[:100], whole[:machine_code] + bytes(400) + whole[machine_code + 400 :]):
+        code.write_bytes(damaged)
+        assert told(CALLS, by=3) == [f"{changed} True"]
     for damaged in (lambda found: found[:100], lambda _: b"", lambda _: b"\xff of another program", lambda _: DICT):
         for file in (tmp_path / "cache").rglob("kept.total-*"):
             file.write_bytes(damaged(file.read_bytes()))
@@ -321,3 +325,15 @@ def test_code_is_found_where_it_can_only_be_read(tmp_path: Path) -> None:
     (tmp_path / "inner.py").write_text(INNER.format(by=100))
     values, said = call(no_writing, **image)
     assert (values[0], "no folder to keep compiled code in" in said) == (101, True)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for its pages")
+def test_llvms_code_is_given_back_and_read_again() -> None:
+    stamp = object_code._stamp(object_code.give_back, ())
+    before_mb = code_mb("self", "libllvmlite")
+    object_code.give_back()
+    assert before_mb > 10.0
+    assert code_mb("self", "libllvmlite") < before_mb / 10.0
+    object_code._computer.cache_clear()
+    assert object_code._stamp(object_code.give_back, ()) == stamp
+    assert 0.0 < code_mb("self", "libllvmlite") < before_mb

@@ -122,10 +122,11 @@ class JobServer(LanguageServer):
         self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, found, version))
 
     def _hover(self, params: types.HoverParams) -> types.Hover | None:
-        job = self._jobs.get(params.text_document.uri)
+        if (job := self._jobs.get(params.text_document.uri)) is None:
+            return None
         document = self.workspace.get_text_document(params.text_document.uri)
         lines, row = shown.lines_of(document.source), params.position.line
-        if job is None or row >= len(lines):
+        if row >= len(lines):
             return None
         return shown.explained(job.live.explained(row + 1, lines[row]), job.live.figures.get(row + 1))
 

@@ -27,6 +27,7 @@ from pythonfmu3.fmi3slave import Fmi3StepResult
 from pythonfmu3.unit import Unit
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.files import sealed, unsealed
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError
@@ -143,13 +144,13 @@ class _TwinSlave(Fmi3Slave):
         self.twin = None
 
     def _get_fmu_state(self) -> bytes:
-        return pickle.dumps(self._state())
+        return sealed(pickle.dumps(self._state()))
 
     def _set_fmu_state(self, state: bytes) -> None:
         """Raises StateError for a state of another machine or controller, and changes nothing. A pickle runs code:
         states of strangers are not to be loaded."""
         try:
-            given = {**pickle.loads(state)}
+            given = {**pickle.loads(unsealed(state))}
             if not {"values", "applied", "time", "twin"} <= given.keys():
                 raise ValueError
         except Exception:  # damaged bytes raise anything

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import datetime
 import logging
+import re
 import selectors
 import socket
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
+from isel_twin.base.printable import shown_line
 from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, values
 from isel_twin.bridge.operate.client import ClientError
 from isel_twin.bridge.operate.conditions import State
@@ -54,10 +56,10 @@ def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list
 
 
 def _quoted(text: str) -> str:
-    if "|" in text or '"' in text:
-        escaped = text.replace('"', '\\"').replace("|", "\\|")
-        return f'"{escaped}"'
-    return text
+    """A value, in quotes if it has bars or quotes: there a backslash makes the next character plain. A line end in it
+    would be the end of its line."""
+    text = shown_line(text)
+    return '"' + re.sub(r'([\\"|])', r"\\\1", text) + '"' if "|" in text or '"' in text else text
 
 
 def _stamp() -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.base.printable import shown_line
 from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered, program
 
 SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
@@ -85,12 +86,12 @@ def values(state: State) -> dict[str, str]:
 def devices(state: State) -> bytes:
     """Devices.xml for the agent. It fills the header in."""
     root = ElementTree.Element("MTConnectDevices", xmlns=SCHEMA)
-    name = str(state["machine"])
+    name = shown_line(str(state["machine"]))
     device = ElementTree.SubElement(
         ElementTree.SubElement(root, "Devices"), "Device", id="d", uuid=f"isel-{name}-twin", name=name.replace(" ", "_")
     )
     about = {"manufacturer": "isel (simulated)", "model": name}
-    ElementTree.SubElement(device, "Description", about).text = f"controlled by {state['controller']}"
+    ElementTree.SubElement(device, "Description", about).text = f"controlled by {shown_line(str(state['controller']))}"
     _items(device, "device")
     inner = ElementTree.SubElement(device, "Components")
     axes = _component(inner, "Axes", "axes", name="base")
@@ -101,7 +102,7 @@ def devices(state: State) -> bytes:
     _items(controller, "controller")
     path = _component(ElementTree.SubElement(controller, "Components"), "Path", "p", name="path")
     _items(path, "path")
-    door = _component(_component(inner, "Doors", "doors"), "Door", "hood_door", name="hood")
+    door = _component(inner, "Door", "hood_door", name="hood")  # the schemas know no group of doors
     _items(door, "door")
     electric = _component(_component(inner, "Systems", "systems"), "Electric", "electric", name="supply")
     _items(electric, "electric")
@@ -112,7 +113,7 @@ def devices(state: State) -> bytes:
 def _component(above: ElementTree.Element, kind: str, ident: str, name: str = "") -> Any:
     """A component; a group of components gives what they are put into."""
     made = ElementTree.SubElement(above, kind, {"id": ident, **({"name": name} if name else {})})
-    groups = ("Axes", "Doors", "Systems")
+    groups = ("Axes", "Systems")
     return ElementTree.SubElement(made, "Components") if kind in groups else made
 
 

@@ -209,7 +209,7 @@ class Serving:
             try:
                 with await asyncio.to_thread(self._connect) as client:
                     while not self._end.is_set():
-                        await machine.show(await asyncio.to_thread(client.ask, {"state": True}))
+                        await machine.show(await asyncio.to_thread(client.state))
                         gone = False
                         await self._pause(self._interval_s)
             except ClientError as error:

@@ -13,6 +13,9 @@ import socket
 from collections.abc import Mapping
 from typing import Any, Self
 
+from isel_twin.base.parameters import parse_json
+from isel_twin.bridge.operate.conditions import NEEDED
+
 CONNECT_S = 10.0  # wall time for the server to accept the connection, and to answer behind the time of a wait
 PATIENCE_S = 60.0  # default limit of a wait, in wall time
 
@@ -64,8 +67,8 @@ class Client:
         except OSError as error:
             raise ClientError(f"{self.address}: {error.strerror or error}; is there a serve --control?") from None
         try:
-            answer = json.loads(line)
-            if not isinstance(answer, dict) or not {"ok", "error"} & answer.keys():
+            answer = parse_json(line)
+            if not isinstance(answer, dict) or ("error" not in answer and not isinstance(answer.get("ok"), dict)):
                 raise ValueError
         except ValueError:
             raise ClientError(f"{self.address}: is no control port; it answers {line[:40]!r}") from None
@@ -73,6 +76,13 @@ class Client:
             text = str(answer["error"]).removeprefix("request: ")
             raise WaitError(text) if answer.get("timeout") else ClientError(text)
         return dict(answer["ok"])
+
+    def state(self) -> dict[str, Any]:
+        """The answer to {"state": true}. Raises ClientError also for one of another version, or of another program."""
+        state = self.ask({"state": True})
+        if lacking := sorted(NEEDED - state.keys()):
+            raise ClientError(f"{self.address}: is served by another version, which does not say {', '.join(lacking)}")
+        return state
 
     def close(self) -> None:
         self._socket.close()

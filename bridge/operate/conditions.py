@@ -11,6 +11,12 @@ from isel_twin.base.axes import CARRIAGES
 State = Mapping[str, Any]
 """The answer to {"state": true}."""
 
+NEEDED = frozenset({
+    "machine", "controller", "idle", "fault", "unfinished", "inputs", "outputs", "faults", "lost_steps", "slip_steps",
+    "drive_faults", "position_mm", "position_error_mm",
+})  # fmt: skip
+"""What those who stand beside a served machine look at in it."""
+
 # how grave an alert is, of 1000
 WRONG = 800  # one of `conditions`
 STOPPED = 700  # E-stop

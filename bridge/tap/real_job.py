@@ -130,7 +130,7 @@ class RealVerdict:
     controller: str
     unsent: int
     interrupted: bool
-    least_margin = None
+    margin_told = ""
     line_told = ""  # the time of the line is in that of the job
 
     def summary(self) -> dict[str, Any]:

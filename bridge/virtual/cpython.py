@@ -1,7 +1,7 @@
 """All private parts of CPython that virtual threads use, checked at import.
 
-Tried with Python 3.11, 3.12 and 3.13; 3.14 was not to be had. Imports nothing of the twin, so any interpreter can be
-asked alone: `python cpython.py`. A missing name is an ImportError of one line.
+Tried with Python 3.11 to 3.14. Imports nothing of the twin, so any interpreter can be asked alone:
+`python cpython.py`. A missing name is an ImportError of one line.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _check() -> None:
     if missing:
         version = ".".join(map(str, sys.version_info[:2]))
         raise ImportError(
-            f"virtual time needs {missing[0]}, which Python {version} does not have: use Python 3.11 to 3.13, "
+            f"virtual time needs {missing[0]}, which Python {version} does not have: use Python 3.11 to 3.14, "
             "or `isel-twin serve` in real time"
         )
 

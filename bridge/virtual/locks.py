@@ -78,6 +78,9 @@ class VirtualRLock:
         if not self._count:
             self._owner = None
 
+    def locked(self) -> bool:  # from Python 3.14 on
+        return self._owner is not None
+
     __enter__ = acquire
 
     def __exit__(self, *_: object) -> None:

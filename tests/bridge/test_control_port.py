@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 
 from isel_twin import Twin
+from isel_twin.bridge.operate.client import Client, ClientError
 from isel_twin.bridge.operate.control_port import CLIENTS, LINE_BYTES, TOKEN_S, UNREAD_BYTES, ControlPort
 from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.server import Server
@@ -138,7 +139,7 @@ WRONG = [
     (b'{"speed": ' + b"9" * 5000 + b"}", "no JSON"),
     (b'{"stop": true, "stop": true}', "a key stands twice"),
     (b'{"stop": "__import__(1)"}', "stop: "),
-    (b"[" * 60_000, "nested too deeply"),
+    (b"[" * 30_000 + b"]" * 30_000, "nested too deeply"),
     (b"\xff\xfe", "no JSON"),
     (b'{"set": {"estop": "' + b"x" * 5000 + b'"}}', "input 'estop' cannot be"),
     (b'{"set": {"\\ud800": "x"}}', "unknown input"),
@@ -199,12 +200,21 @@ def test_a_host_that_floods_a_paused_twin_is_made_to_wait(bench, speed):
     assert here.server._unheard < 3 * 4096 + 4096
 
 
-def test_a_browser_is_sent_away(bench):
-    """A page can make a browser send a form to the loopback interface; its body must not be taken for a request."""
+@pytest.mark.parametrize(
+    "data",
+    [
+        b'POST / HTTP/1.1\r\nHost: localhost\r\n\r\n{"stop": true}\n',
+        bytes.fromhex("1603010200010001fc0303"),  # TLS: no line ends
+        bytes.fromhex("000100002112a442") + bytes(12),  # STUN
+    ],
+    ids=["a form", "https", "WebRTC"],
+)
+def test_a_browser_is_sent_away(bench, data):
+    """A page can make it send to the loopback interface; nothing must be taken for a request, and no place be kept."""
     here = bench()
     client = here.connect()
-    client.send(b'POST / HTTP/1.1\r\nHost: localhost\r\n\r\n{"stop": true}\n')
-    assert "no JSON" in client.answer()["error"]
+    client.send(data)
+    assert "request: no" in client.answer()["error"]
     assert client.closed()
     assert here.connect().ok(state=True)
 
@@ -439,3 +449,16 @@ def test_the_example_of_the_page(serve):
     with contextlib.redirect_stdout(printed):
         exec(code, {})
     assert printed.getvalue() == "0 pressed\n"
+
+
+@pytest.mark.parametrize("answer", [b"hello", b"[" * 60_000, b'{"ok": 1}', b'{"ok": null}', b"{}"])
+def test_a_stranger_at_the_address_is_told_in_one_line(answer: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        with Client(address) as client:
+            stranger, _ = listener.accept()
+            with stranger:
+                stranger.sendall(answer + b"\n")
+                with pytest.raises(ClientError, match="is no control port; it answers") as caught:
+                    client.ask({"state": True})
+    assert "\n" not in str(caught.value)

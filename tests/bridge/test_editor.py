@@ -65,6 +65,15 @@ def editor(folder: Path) -> Iterator[Editor]:
         assert process.wait(PATIENCE_S) == 0
 
 
+def test_a_document_that_is_not_open_has_nothing_to_say(tmp_path: Path) -> None:
+    """The editor's mistake is no error of the server, which would be printed with its stack."""
+    document, position = {"uri": (tmp_path / "none.txt").as_uri()}, {"line": 0, "character": 0}
+    with editor(tmp_path) as one:
+        assert one.ask("textDocument/hover", textDocument=document, position=position) is None
+        place = {"start": position, "end": position}
+        assert one.ask("textDocument/inlayHint", textDocument=document, range=place) == []
+
+
 def test_a_job_is_judged_as_it_is_typed(tmp_path: Path) -> None:
     """The project names the machine; three changes at once are judged as one; a line is explained."""
     (tmp_path / "isel-twin.toml").write_text('[check]\nplant = "kinematic"\ncycle_s = 34.0\n')

@@ -16,6 +16,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from isel_twin import Twin
+from isel_twin.base.files import sealed
 from isel_twin.bridge.fmu import slaves
 from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError
@@ -210,16 +211,28 @@ def take_no_state(model: Model, _: bytes) -> None:
     model.fmu.setFMUState(model.fmu.deserializeFMUState(b"no state"))
 
 
+FLIPPED = bytearray(slaves.StepsTwin(instance_name="steps", resources=".")._get_fmu_state())
+FLIPPED[-20] ^= 1
+
+
 @pytest.mark.parametrize(
     "state",
-    [b"", pickle.dumps(7), pickle.dumps({"values": {}}), pickle.dumps("x" * 99)[:50]],
-    ids=["empty", "a number", "parts", "truncated"],
+    [
+        b"",
+        FLIPPED,
+        pickle.dumps(7),
+        sealed(pickle.dumps(7)),
+        sealed(pickle.dumps({"values": {}})),
+        pickle.dumps({"values": {}}),
+        pickle.dumps("x" * 99)[:50],
+    ],
+    ids=["empty", "one bit", "a number", "a sealed number", "sealed parts", "parts", "truncated"],
 )
 def test_a_damaged_state_is_one_line(state: bytes) -> None:
     slave = slaves.StepsTwin(instance_name="steps", resources=".")
     before = dict(slave.values)
     with pytest.raises(StateError, match=r"^this is no state of an FMU of isel-twin, or a damaged one$"):
-        slave._set_fmu_state(state)
+        slave._set_fmu_state(bytes(state))
     assert slave.values == before
 
 

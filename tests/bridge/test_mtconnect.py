@@ -237,7 +237,7 @@ def test_devices_of_a_machine() -> None:
                             {"Components": [{"Path p path": [path]}]},
                         ]
                     },
-                    {"Doors doors": [{"Components": [{"Door hood_door hood": [door]}]}]},
+                    {"Door hood_door hood": [door]},
                     {
                         "Systems systems": [
                             {"Components": [{"Electric electric supply": [{"DataItems": ["power|EVENT|POWER_STATE"]}]}]}
@@ -279,6 +279,35 @@ def test_an_agent_that_does_not_read_is_dropped_before_it_misses_a_line() -> Non
     assert seen == [seen[0] + number for number in range(len(seen))]
 
 
+def test_a_silent_agent_that_reads_late_misses_no_line_and_is_looked_after() -> None:
+    """300 positions are 36 kB: more than both buffers of the operating system, less than an agent may leave unread."""
+    enough, looks = threading.Event(), itertools.count()
+
+    def look() -> dict[str, Any]:
+        if (number := min(next(looks), 300)) == 300:
+            enough.set()
+        return state(position_mm=[float(number)] * 3)
+
+    adapter = Adapter("127.0.0.1:0", look, 0.0001)
+    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    with socket.socket() as agent:
+        agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        agent.settimeout(REPLY_S)
+        agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+        running = threading.Thread(target=adapter.run, daemon=True)
+        running.start()
+        assert enough.wait(REPLY_S)
+        (known,) = adapter._agents
+        assert known.connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        told = b""
+        while b"|Xact|300.0000|" not in told:
+            told += agent.recv(65_536)
+        adapter.stop()
+        running.join(REPLY_S)
+    seen = [float(text) for text in re.findall(rb"Xact\|(\d+\.0000)\|", told)]
+    assert seen == [float(number) for number in range(int(seen[0]), 301)]
+
+
 def test_a_stop_does_not_wait_for_the_next_look() -> None:
     looked = threading.Event()
 
@@ -295,11 +324,50 @@ def test_a_stop_does_not_wait_for_the_next_look() -> None:
     assert not running.is_alive()
 
 
-def test_texts_with_bars_are_quoted() -> None:
+@pytest.mark.parametrize("text", ['a|b "c"', r"C:\jobs\part.nc", r'C:\jobs\"part".nc', '"', "\\|"])
+def test_texts_with_bars_are_quoted(text: str) -> None:
+    """In quotes an agent takes what follows a backslash as it is, outside it takes the backslash as it is."""
     normal = {item.key: "" if item.category == "CONDITION" else "1" for item in ITEMS}
-    (line,) = lines({**normal, "Xpos": 'a|b "c"'}, normal, "T")
-    assert split(line) == ["T", "Xpos", "FAULT", "Xpos", "", "", 'a|b "c"']
+    (line,) = lines({**normal, "Xpos": text}, normal, "T")
+    assert split(line) == ["T", "Xpos", "FAULT", "Xpos", "", "", text]
     assert lines(normal, normal, "T") == []
+
+
+def test_texts_of_a_machine_neither_end_a_line_nor_break_the_file_of_devices() -> None:
+    """A line end begins a line of its own (part 5), and XML has no control characters (XML 1.0, 2.2)."""
+    evil = "x\r\n2026-11-22T12:00:00Z|Xact|9\x1b\0"
+    told = lines(values(state(fault=True, fault_cause=evil)), values(state()), "T")
+    assert [one for one in told if set(one) & set("\r\n\x1b\0")] == []
+    assert not any(line.startswith("2026") for line in "\n".join(told).splitlines())
+    ElementTree.fromstring(devices(state(machine=evil, controller=evil)))
+
+
+@pytest.mark.parametrize("command", ["mtconnect", "opcua"])
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (b'{"ok": {}}\n', "is served by another version, which does not say controller, "),
+        (b'{"ok": 5}\n', "is no control port; it answers "),
+        (b"[" * 60_000 + b"\n", "is no control port; it answers "),
+    ],
+    ids=["another version", "a number", "deep"],
+)
+def test_a_foreign_server_is_told_in_one_line(command: str, answer: bytes, told: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def reply() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(4096)
+                connection.sendall(answer)
+
+        thread = threading.Thread(target=reply)
+        thread.start()
+        done = isel_twin(command, f"127.0.0.1:{server.getsockname()[1]}")
+        thread.join()
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert told in done.stderr
 
 
 def test_without_a_machine_it_says_so() -> None:

@@ -85,8 +85,7 @@ def names(requirements: list[str]) -> set[str]:
     return {requirement.split(">")[0] for requirement in requirements}
 
 
-def test_extras_are_no_dependencies_and_tests_have_them_all() -> None:
+def test_extras_are_no_dependencies() -> None:
     extras = PROJECT["optional-dependencies"]
     assert not names(PROJECT["dependencies"]) & EXTRAS.keys()
     assert {package: extra for package, extra in EXTRAS.items() if package in names(extras[extra])} == EXTRAS
-    assert EXTRAS.keys() <= names(extras["dev"])

@@ -18,7 +18,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
-from isel_twin.drives.stability import LAST_RPM, Bench, Limit, Rotation, limit_rad_s, rule_rpm
+from isel_twin.drives.stability import LAST_RPM, Bench, Limit, Rotation, _Map, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
 from tests import swings
 from tests.swings import growth_per_s
@@ -129,6 +129,15 @@ def test_small_steps_of_what_a_motor_has_move_its_limit_by_little(name: str, kin
 def test_a_load_that_no_current_carries_has_no_rotation() -> None:
     assert list(Bench(NEMA23, AT_48_V, 2.5).rotations([100.0, 200.0])) == [None, None]
     assert Bench(NEMA23, AT_48_V, 2.5).limit() == Limit(0.0, "torque")
+
+
+def test_an_overloaded_motor_is_left_as_soon_as_it_is_out_of_step() -> None:
+    """Under a little more torque than it has: half an electrical revolution behind it will not come back."""
+    peak_nm = NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
+    on, omega = Bench(NEMA23, AT_48_V, 1.05 * peak_nm, Screw(9.0 * NEMA23.rotor_inertia_kgm2)), 200.0 * math.pi / 30.0
+    state = on._guess(omega)
+    assert _Map(on, omega, 0.5 * math.pi / (NEMA23.pole_pairs * omega), 300).settle(state) is None
+    assert math.pi <= abs(state[3]) < 2.0 * math.pi
 
 
 def test_electronic_damping_stills_the_swing_below_saturation() -> None:

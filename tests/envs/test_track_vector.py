@@ -39,6 +39,15 @@ def test_each_is_what_it_is_in_gymnasiums_own(workers: int) -> None:
     assert played(gymnasium.make_vec(ID, num_envs=3, workers=workers, **SHORT)) == own
 
 
+def test_a_bound_of_steps_ends_episodes_as_in_gymnasiums_own() -> None:
+    """Where its wrapper says nothing of why, the vector says that the time is over."""
+    own = played(gymnasium.make_vec(ID, num_envs=2, max_episode_steps=4, vectorization_mode="sync", **SHORT), 20)
+    ours = played(gymnasium.make_vec(ID, num_envs=2, max_episode_steps=4, **SHORT), 20)
+    rows = [[row for row in seen if not isinstance(row, dict)] for seen in (own, ours)]
+    assert rows[1] == rows[0]
+    assert [True, True] in rows[0]
+
+
 def told(infos: dict[str, Any]) -> dict[str, Any]:
     """Infos as text, without the options by lot, which the vector does not tell."""
     parts = {name: told(value) if isinstance(value, dict) else repr(value) for name, value in infos.items()}
@@ -97,6 +106,7 @@ def test_along_the_path_each_is_what_the_wrapper_makes_of_it(workers: int) -> No
     ("make", "message"),
     [
         (lambda: TrackVector(0), "num_envs is 0; give at least 1"),
+        (lambda: TrackVector(1, max_episode_steps=0), "max_episode_steps is 0; give at least 1"),
         (lambda: TrackVector(1, workers=0), "workers is 0; give at least 1"),
         (
             lambda: TrackVector(1, autoreset_mode="Disabled"),

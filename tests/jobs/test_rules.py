@@ -39,6 +39,7 @@ def test_the_page_about_checks_has_each_rule_with_its_bound() -> None:
         names, broken, bound = row.strip("|").split(" | ")
         for name in re.findall(r"`(\w+)`", names):
             found[name] = ", ".join(re.findall(r"`(\w+)`", bound)), broken.endswith(": a warning")
+            assert re.sub(r"\[(.*?)\]\(.*?\)", r"\1", broken).startswith(RULES[name].broken)
     assert found == {name: (rule.bound, rule.warning) for name, rule in RULES.items()}
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin.base.errors import CallError
+from isel_twin.jobs import project
 from isel_twin.machine import MachineError, load_machine, machine_from_tree
 from isel_twin.many.identification.patch import based_on
 
@@ -56,6 +57,24 @@ def test_a_model_elsewhere_is_refused(shop: Path, key: str, name: str) -> None:
 @pytest.mark.parametrize("name", ["/etc/part.stl", "../../part.stl"])
 def test_a_mesh_of_a_fixture_elsewhere_is_refused(shop: Path, name: str) -> None:
     assert f"fixture 1.file: {name!r} lies elsewhere" in refusal(shop, f'based_on = "4030"\n{BOX.format(name)}')
+
+
+@pytest.mark.parametrize("name", ["/etc/part.stl", "../../part.stl", "~/part.stl", "C:/part.stl", "link.stl"])
+def test_so_is_one_of_a_project(shop: Path, name: str) -> None:
+    (shop / "link.stl").symlink_to(shop.parents[1] / "part.stl")
+    (shop / project.FILE).write_text(BOX.format(name))
+    with pytest.raises(project.SettingsError) as caught:
+        project.fixtures(shop / project.FILE)
+    assert f"fixture 1.file: {name!r} lies elsewhere; allowed: a path below {shop}, or beside it" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["part.stl", "../part.stl", "../beside/part.stl"])
+def test_a_project_has_meshes_below_and_beside_it(shop: Path, name: str) -> None:
+    (shop.parent / "beside").mkdir()
+    (shop.parent / "beside" / "part.stl").write_bytes(b"")
+    (shop / project.FILE).write_text(BOX.format(name))
+    (one,) = project.fixtures(shop / project.FILE)
+    assert one.file == shop / name
 
 
 def test_a_link_that_leads_elsewhere_is_refused(shop: Path) -> None:

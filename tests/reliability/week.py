@@ -1,7 +1,8 @@
 """A week of virtual time: a host that works, an open panel, a client of the control port, and all of it is recorded.
 
 The host moves X to and fro and asks for the position; the others ask for the state of the machine now and then, and the
-panel hears every frame. Memory is that of the server, looked at every virtual hour.
+panel hears every frame. Memory is that of the server, looked at every virtual hour; the physics is compiled before, in
+a server that goes again: the one that compiles keeps 65 MB of that.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from tests.reliability.figures import REPLY_S, Figure, ask, main, resident_mb, serving
 
 NUMBER = 168
-LIMIT_MB = 200.0
+LIMIT_MB = 180.0
 GROWTH_MB = 10.0
 SPEED = "2000"
 INTERVAL_S = "1"  # between two samples of the recording: 600 000 in a week
@@ -78,6 +79,8 @@ class Page:
 
 
 def measure(number: int) -> list[Figure]:
+    with serving():
+        pass
     began = time.monotonic()
     memory_mb: list[float] = []
     moves = wrong = 0

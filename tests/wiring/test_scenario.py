@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from isel_twin.plant import Cut
-from isel_twin.wiring import FAULTS, ScenarioError, load_scenario
+from isel_twin.wiring import FAULTS, ScenarioError, load_scenario, scenario_text
 from isel_twin.wiring.cabinet import ELEMENTS
 
 SETTABLE = {**ELEMENTS, **dict.fromkeys(("limit_x1", "limit_x2", "estop_1"), tuple(FAULTS))}
@@ -36,6 +36,7 @@ def test_events_are_sorted_by_time(tmp_path: Path) -> None:
     assert [event.at_ns for event in events] == [1_000_000_000, 2_500_000_000]
     assert events[0].acts == {"force_n": {"y": -20.0}, "phase_lost": {"z": "ab"}, "noise": 0.5}
     assert events[1].acts == {"set": {"hood": "open", "limit_x2": "broken"}}
+    assert load(tmp_path, scenario_text(events)) == events
 
 
 def test_a_force_acts_at_a_place(tmp_path: Path) -> None:

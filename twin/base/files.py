@@ -28,6 +28,7 @@ import threading
 import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, TextIO
 
@@ -37,6 +38,7 @@ _WINDOWS = os.name == "nt"
 _ALWAYS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 _NEW = os.O_CREAT | os.O_EXCL | _ALWAYS
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe in the place of a file keeps nobody waiting
+DIGEST_BYTES = 32
 _MOST_LINKS = 40  # in a row, as Linux follows
 _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
@@ -72,7 +74,7 @@ class Replacement:
             except BaseException:
                 self._folder.close()
                 raise
-        _try_lock(self._handle)  # while it is held, nobody takes it for a left-over
+        try_lock(self._handle)  # while it is held, nobody takes it for a left-over
         self.file: IO[bytes] = os.fdopen(self._handle, "wb", closefd=False)
 
     def put(self) -> None:
@@ -286,7 +288,7 @@ class _Folder:
         except ProcessLookupError:  # here; in another container, its lock tells
             handle = self.open(name, os.O_RDONLY | _ALWAYS | _AT_ONCE)
             try:
-                return _try_lock(handle)
+                return try_lock(handle) is not False
             finally:
                 os.close(handle)
         except OSError:
@@ -294,19 +296,35 @@ class _Folder:
         return False
 
 
-def _try_lock(handle: int) -> bool:
-    """Lock a file for this process; False if another one has it."""
+def try_lock(handle: int) -> bool | None:
+    """Lock a file for this process. False: another process has it; None: there are no locks here."""
     try:
         import fcntl
     except ImportError:  # Windows
-        return True
+        return None
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # a file system without locks
-        return True
+        return None
     return True
+
+
+# ---- whole or damaged ----------------------------------------------------------------------------------------------
+
+
+def sealed(data: bytes) -> bytes:
+    """The data behind their digest, for what is not safe to look at when a bit of it has changed."""
+    return sha256(data).digest() + data
+
+
+def unsealed(data: bytes) -> bytes:
+    """What was sealed. Raises ValueError unless every bit is as it was."""
+    digest, inner = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
+    if digest != sha256(inner).digest():
+        raise ValueError("damaged")
+    return inner
 
 
 # ---- one owner -----------------------------------------------------------------------------------------------------
@@ -354,21 +372,16 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
 
     Raises OSError if it has an owner.
     """
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return None, False
-    while True:
+    while not _WINDOWS:
         handle, found = _open_lock(lock, name)
         if handle is None:
             return None, False
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        locked = try_lock(handle)
+        if locked is False:
             owner = os.read(handle, 20)
             os.close(handle)
-            raise _in_use(name, int(owner) if owner.isdigit() else 0) from None
-        except OSError:  # a file system without locks
+            raise _in_use(name, int(owner) if owner.isdigit() else 0)
+        if locked is None:
             os.close(handle)
             return None, found
         with suppress(FileNotFoundError):
@@ -379,6 +392,7 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
                         os.write(handle, b"%d" % os.getpid())
                 return handle, found
         os.close(handle)  # its last owner has removed it while we waited for it
+    return None, False
 
 
 def _open_lock(lock: str, name: str) -> tuple[int | None, bool]:

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-from isel_twin.base.files import atomic_write
+from isel_twin.base.files import atomic_write, sealed, unsealed
 
 Kinds = tuple[Any, ...]  # of the arguments: (dtype, dimensions, writeable), int or float
 
@@ -43,6 +43,8 @@ RETURNED: dict[str, Any] = {
 }
 _LIKE = {int: int, np.int64: int, float: float, np.float64: float}  # by numba's rules
 _LEAST, _MOST = -(2**63), 2**63 - 1
+
+_NOT_NEEDED = 4  # MADV_DONTNEED
 
 # What the entry for Python calls, which nobody takes here; the code itself would for memory of its own, if it had any.
 _NEVER_CALLED = {
@@ -157,7 +159,8 @@ def keep(function: Callable[..., Any], files: tuple[str, ...], kinds: Kinds, cod
     """Keep code for these kinds. Raises OSError if there is no folder for it that can be written to."""
     place = _place(function)
     place.parent.mkdir(parents=True, exist_ok=True)
-    atomic_write(place, pickle.dumps((_stamp(function, files), {**_kept(function, files), kinds: code})))
+    content = _stamp(function, files), {**_kept(function, files), kinds: code}
+    atomic_write(place, sealed(pickle.dumps(content)))
 
 
 def missing(code: bytes) -> tuple[str, ...] | None:
@@ -177,7 +180,7 @@ def _there(symbol: str) -> bool:
 
 def _kept(function: Callable[..., Any], files: tuple[str, ...]) -> dict[Kinds, Code]:
     with suppress(Exception):  # no such file, or damaged bytes, which raise anything
-        stamp, kept = pickle.loads(_place(function).read_bytes())
+        stamp, kept = pickle.loads(unsealed(_place(function).read_bytes()))
         if stamp == _stamp(function, files):
             return {kinds: code for kinds, code in kept.items() if all(map(_there, code.missing))}
     return {}
@@ -212,6 +215,19 @@ def _computer() -> str:
     """All that compiled code depends on, beside its source."""
     features = llvm.get_host_cpu_features().flatten()
     return f"numba {metadata.version('numba')} llvm {llvm.llvm_version_info} {llvm.get_host_cpu_name()} {features}"
+
+
+def give_back() -> None:
+    """Let Linux have the memory of LLVM's code again, a quarter of a server's, most of which is read to link or compile
+    once: what is needed after all is read anew from its file."""
+    if sys.platform != "linux":
+        return
+    advise = ctypes.CDLL(None).madvise
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        span, rights, *_, file = line.split(maxsplit=5)
+        if rights == "r-xp" and Path(file).name.startswith("libllvmlite"):  # never written to
+            first, end = (int(address, 16) for address in span.split("-"))
+            advise(ctypes.c_void_p(first), ctypes.c_size_t(end - first), _NOT_NEEDED)
 
 
 class _Linker:

@@ -32,6 +32,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from isel_twin.base.printable import shown_line
+
 GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
 
 T = TypeVar("T")
@@ -59,7 +61,7 @@ class Place:
 
     def wrong(self, what: str) -> FileError:
         """The error to raise for a value that stands here."""
-        return self.error(f"{self}: {what}")
+        return self.error(shown_line(f"{self}: {what}"))
 
     def __str__(self) -> str:
         return f"{self.file}: {self.key}" if self.key else str(self.file)
@@ -241,10 +243,10 @@ class DepthError(ValueError):
         super().__init__(f"nested too deeply; allowed: up to {MOST_DEPTH} tables or lists in each other")
 
 
-def parse_json(text: str | bytes) -> Any:
-    """The value of a JSON text. Raises ValueError, also for one that is nested too deeply."""
+def parse_json(text: str | bytes, **hooks: Any) -> Any:
+    """The value of a JSON text. hooks: of `json.loads`. Raises ValueError, also for one that is nested too deeply."""
     try:
-        return _flat_enough(json.loads(text))
+        return _flat_enough(json.loads(text, **hooks))
     except RecursionError:
         raise DepthError from None
 

@@ -35,7 +35,7 @@ def mtconnect(
     options.check_writable(devices)
     try:
         client = Client(address, options.token(token_file))
-        state = client.ask({"state": True})
+        state = client.state()
     except ClientError as error:
         raise CallError(str(error)) from None
     with client:
@@ -43,7 +43,7 @@ def mtconnect(
             with call_errors(devices):
                 atomic_write(devices, items.devices(state))
         with call_errors():
-            adapter = Adapter(tcp, lambda: client.ask({"state": True}), interval)
+            adapter = Adapter(tcp, client.state, interval)
         with on_signals(adapter.stop):
             say_json({"mtconnect": adapter.address, "machine": state["machine"]})
             adapter.run()

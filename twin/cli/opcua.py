@@ -55,7 +55,7 @@ def opcua(
     serving = Serving(url, lambda: Client(address, token), interval, access)
     try:
         with Client(address, token) as client:
-            state = client.ask({"state": True})
+            state = client.state()
     except ClientError as error:
         raise CallError(str(error)) from None
     with on_signals(serving.stop), call_errors(certificates):

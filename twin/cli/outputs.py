@@ -36,6 +36,7 @@ MANY_SAMPLES = 10_000_000  # samples of a recorder that are reported, and every 
 # width of the columns of commands, replies (a position of four axes) and program blocks
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
 HEAD = 1 << 16  # characters of a program that are searched for its longest block
+MARGIN = 21  # width of the column of margins
 NAME = 4  # characters before a block: the program's name
 SHOWN_FACTORS = 3  # of a repetition
 SHOWN_TRIALS = 5  # most repetitions shown that ended differently
@@ -239,8 +240,8 @@ class JsonOutput:
 class TableOutput:
     """A table on stdout with a row for each finished command, and a line of progress on a terminal. A context manager.
 
-    line     time / s  command              reply                X / mm     Y / mm     Z / mm     margin
-       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000        71 %
+    line     time / s  command              reply                X / mm     Y / mm     Z / mm              margin
+       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000  71 % (66 to 75 %)
 
     Columns have fixed widths: a table fitted to its contents would have to wait for all rows.
     """
@@ -261,7 +262,8 @@ class TableOutput:
         if _may_be_terminal():
             self._show_progress(twin, len(lines))
         *beside, command, reply = self.heads
-        self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        heads = [f"{axis.upper()} / mm" for axis in CARRIAGES]
+        self._row(*beside, self._words(command, reply), *heads, f"{'margin':>{MARGIN}}")
 
     def _show_progress(self, twin: Twin, total: int) -> None:
         from rich.progress import TimeElapsedColumn
@@ -296,7 +298,7 @@ class TableOutput:
             f"{result.time_ns / SECOND_NS:.3f}",
             self._words(result.command, repr(result.reply if blame else result.shown_reply)[1:-1] or "none"),
             *(f"{position:.3f}" for position in result.position_mm),
-            _percent(result.margin),
+            f"{result.margin_told:>{MARGIN}}",
             style="" if result.ok else "bold red",
         )
         if blame:
@@ -327,8 +329,7 @@ class TableOutput:
         error = zip(axes, verdict.following_error, strict=False)
         lag = ", ".join(f"{axis} {round(e):g}" for axis, e in error if e is not None and round(e))
         told += [f"following error, increments: {lag}"] if lag else []
-        margin = _percent(verdict.margin)
-        told += [f"least torque margin: {margin}"] if margin else []
+        told += [f"least torque margin: {verdict.margin_told}"] if verdict.margin_told else []
         if verdict.least_edge is not None:
             edge, axis, line = verdict.least_edge
             told.append(f"{axis.upper()}: unstable above {edge:.2f} times the speed of line {line}")
@@ -440,9 +441,3 @@ class MotionsOutput(TableOutput):
 def _far(factor: float) -> float:
     """How far a factor is from 1, the same for twice and half; a change of sign is farthest."""
     return abs(math.log(factor)) if factor > 0.0 else math.inf
-
-
-def _percent(margins: Sequence[float | None]) -> str:
-    """The least of the margins in per cent; "" without physics."""
-    least = min((margin for margin in margins if margin is not None), default=None)
-    return "" if least is None else f"{100.0 * least:.0f} %"

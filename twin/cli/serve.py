@@ -58,6 +58,7 @@ def serve(
 
     Prints one line of JSON with the addresses once everything listens. Logs go to stderr.
     """
+    from isel_twin.base.object_code import give_back
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
@@ -92,6 +93,7 @@ def serve(
         if page is not None and recording is not None:
             page.recording = recording.path
         warm_up(twin.plant, controllers=[twin.controller])
+        give_back()
         taps: list[WireTap] = [WireLog(create_language(twin.controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page, parent) if guest is not None]

@@ -13,6 +13,8 @@ from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Arrival, Controller, EndsPrograms, HasKeys, KeyValue, SerialFormat, TellsFault, offers
 from isel_twin.core.position import Position
 from isel_twin.core.spec import TwinSpec
+from isel_twin.drives.motor import Motor
+from isel_twin.drives.stage import Stage
 from isel_twin.machine import Machine
 from isel_twin.motion import Steps, Stream
 from isel_twin.plant import Plant
@@ -137,6 +139,19 @@ class Seen:
     def fastest_rad_s(self) -> NDArray[np.float64]:
         """float64 [axes], the largest speed of each motor since `watch_margin`, or since power-on; nan without one."""
         return self._plant.fastest_rad_s.copy()
+
+    @property
+    def torque_band(self) -> NDArray[np.float64]:
+        """float64 [axes, 2], the least and the most torque of each stepper motor over the predicted one, at its largest
+        speed since `watch_margin` (drives/bands.py); nan without such a motor."""
+        from isel_twin.drives.bands import torque_band
+
+        speeds = self._plant.fastest_rad_s.tolist()
+        found = np.full((len(speeds), 2), math.nan)
+        for i, (axis, rad_s) in enumerate(zip(self.machine.axes, speeds, strict=False)):
+            if not math.isnan(rad_s) and isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
+                found[i] = torque_band(axis.motor, axis.stage, rad_s * 30.0 / math.pi)
+        return found
 
     @property
     def speed_edge(self) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from isel_twin.base.parameters import FileError, Place, table
 from isel_twin.base.toml_lines import read_lines
 from isel_twin.cam.settings import CamSettings, read_cam
-from isel_twin.machine import Fixture, Machine, read_fixtures
+from isel_twin.machine import Fixture, Machine, check_meshes, read_fixtures
 
 FILE = "isel-twin.toml"
 
@@ -26,7 +26,9 @@ def find(job: Path) -> Path | None:
 def fixtures(path: Path) -> tuple[Fixture, ...]:
     """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
     content, place = read_lines(path, SettingsError)
-    return read_fixtures(content.get("fixture", []), place.at("fixture"), path.resolve().parent)
+    tables, place, folder = content.get("fixture", []), place.at("fixture"), path.resolve().parent
+    check_meshes(tables, place, folder)
+    return read_fixtures(tables, place, folder)
 
 
 def cam(path: Path | None, machine: Machine) -> CamSettings:

@@ -11,6 +11,7 @@ spread.py      how far a number may be from what the file says
 """
 
 from isel_twin.machine.fixture import Fixture, fixture_table, read_fixtures
+from isel_twin.machine.mjcf import check_meshes
 from isel_twin.machine.overrides import describe, with_fixtures, with_overrides
 from isel_twin.machine.reader import load_machine, machine_from_tree
 from isel_twin.machine.schema import (
@@ -47,6 +48,7 @@ __all__ = [
     "Probe",
     "Squareness",
     "Timing",
+    "check_meshes",
     "describe",
     "fixture_table",
     "load_machine",

@@ -9,11 +9,13 @@ from __future__ import annotations
 import contextlib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path, PureWindowsPath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from isel_twin.base.errors import one_line
+from isel_twin.base.parameters import Place
 from isel_twin.machine.schema import MachineError
 
 MOST_FILES = 64  # of a model with all that it includes
@@ -62,6 +64,19 @@ def model_files(file: Path) -> list[Path]:
                 raise MachineError(f"{each}: {name!r} lies elsewhere; allowed: files in {file.parent} and below")
         waiting += [(each.parent / name, depth + 1) for name in reversed(content.included)]
     return found
+
+
+def check_near(name: str, folder: Path, where: Place) -> None:
+    """Refuse a file of somebody's TOML file in this folder that lies neither below it nor beside it (plant/27)."""
+    if PureWindowsPath(name).anchor or name.startswith("~") or not is_below(folder / name, folder.resolve().parent):
+        raise where.wrong(f"{name!r} lies elsewhere; allowed: a path below {folder}, or beside it as in '../other'")
+
+
+def check_meshes(fixtures: Any, where: Place, folder: Path) -> None:
+    """The same for the meshes in the [[fixture]] tables of a file."""
+    for number, fixture in enumerate(fixtures if isinstance(fixtures, list) else (), 1):
+        if isinstance(fixture, dict) and isinstance(name := fixture.get("file"), str):
+            check_near(name, folder, replace(where, key=f"{where.key} {number}.file"))
 
 
 def is_below(path: Path, folder: Path) -> bool:

@@ -17,13 +17,13 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.parameters import Limits, Place, merge, parse_toml, quantity, read_text, spread, table
 from isel_twin.machine.build import DEFAULT_DRIVE, DRIVES, build
-from isel_twin.machine.mjcf import file_content, is_below, model_files
+from isel_twin.machine.mjcf import check_meshes, check_near, file_content, model_files
 from isel_twin.machine.schema import DEFAULT_CABINET, Machine, MachineError
 from isel_twin.models import machine_names, models_folder
 
@@ -112,20 +112,12 @@ def _read_file(file: Path, seen: list[Path]) -> dict[str, Any]:
 
 
 def _check_paths(tree: Mapping[str, Any], place: Place, folder: Path) -> None:
-    """Refuse files that lie neither below the folder of a machine nor beside it: it may come from anybody."""
-    fixtures = tree.get("fixture", [])
-    named = [(place.at(key), tree.get(key)) for key in ("based_on", "model", "fixture")]
-    if isinstance(fixtures, list):
-        named += [
-            (place.at(f"fixture {n}.file"), one.get("file")) for n, one in enumerate(fixtures, 1) if type(one) is dict
-        ]
-    for where, name in named:
-        if isinstance(name, str) and not (where.key == "based_on" and name in machine_names()):
-            apart = PureWindowsPath(name).anchor or name.startswith("~")
-            if apart or not is_below(folder / name, folder.resolve().parent):
-                raise where.wrong(
-                    f"{name!r} lies elsewhere; allowed: a path below {folder}, or beside it as in '../other'"
-                )
+    """Refuse files that lie neither below the folder of a machine nor beside it."""
+    for key in ("based_on", "model", "fixture"):
+        name = tree.get(key)
+        if isinstance(name, str) and not (key == "based_on" and name in machine_names()):
+            check_near(name, folder, place.at(key))
+    check_meshes(tree.get("fixture"), place.at("fixture"), folder)
 
 
 def _as_peak(tree: Mapping[str, Any], place: Place) -> None:

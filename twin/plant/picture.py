@@ -91,6 +91,11 @@ class Picture:
         self.close()
 
 
+def has_screen() -> bool:
+    """True if a window can be opened, as far as the environment tells."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 class Window:
     """A machine in a window of MuJoCo's viewer, which people can turn and zoom."""
 
@@ -100,7 +105,7 @@ class Window:
         self._data = mujoco.MjData(self._model)
         self._names = [axis.name for axis in machine.axes]
         self._path = self._from_table = np.empty((0, 3))
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        if not has_screen():
             raise RuntimeError("no window without a screen: DISPLAY is not set; take pictures (rgb_array) instead")
         from mujoco import viewer
 

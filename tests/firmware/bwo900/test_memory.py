@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import random
+import tracemalloc
 import zlib
 from time import process_time
 
@@ -80,6 +81,7 @@ NONE: dict[str, object] = {"q": [], "status": [], "programs": []}
     "head",
     [
         *([], 7, {}, {**NONE, "q": 7}, {**NONE, "q": [[float("inf"), 1.0]]}, {**NONE, "status": [[float("inf"), 1]]}),
+        *({**NONE, "q": [[170, float("inf")]]}, {**NONE, "q": [[60_000, 1.0]]}),
         *({**NONE, "programs": [["P1", "all"]]}, {**NONE, "programs": [["P1", 3]]}, {**NONE, "programs": [[7, 0]]}),
     ],
 )
@@ -87,6 +89,19 @@ def test_a_head_of_another_program_is_noticed_though_its_checksum_is_right(head:
     packed = zlib.compress(json.dumps(head).encode())
     rest = packed + len(packed).to_bytes(SIZE, "little")
     assert read(MAGIC + zlib.crc32(rest).to_bytes(4, "little") + rest)[2]
+
+
+def test_a_program_that_swells_beyond_any_text_is_noticed_before_it_does() -> None:
+    """Deflate makes up to 1030 bytes of one; the control's own makes 230 of equal lines, which are read."""
+    assert not read(Memory(Parameters(), Store(P1=StoredProgram.of("P1", [""] * 100_000))).image())[2]
+    bomb = zlib.compress(bytes(100_000_000), 9)
+    head = zlib.compress(json.dumps({**NONE, "programs": [["P1", len(bomb)]]}).encode())
+    rest = bomb + head + len(head).to_bytes(SIZE, "little")
+    tracemalloc.start()
+    assert read(MAGIC + zlib.crc32(rest).to_bytes(4, "little") + rest)[2]
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 80_000_000
 
 
 def test_the_state_of_a_control_does_not_grow_by_its_image() -> None:

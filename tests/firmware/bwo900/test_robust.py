@@ -7,7 +7,8 @@ import random
 import tracemalloc
 from collections import Counter
 
-from conformance.bwo900_desk import file, fresh, parameters, start
+import pytest
+from conformance.bwo900_desk import REFERENCE, file, fresh, mm, parameters, said, start
 from firmware.bwo900.random_programs import outcome, program
 
 from isel_twin.testing import StillBusyError
@@ -32,6 +33,27 @@ def test_places_that_no_counter_holds_are_refused() -> None:
     for block in ("N10 G0 X2147484", "N10 G0 Y-99999999999", "N10 G0 Z" + "9" * 190):
         assert outcome({"P1": [block, "N20 M30"]}) in ("M1202", "M1211")
     assert outcome({"P1": ["N10 G0 X2147484", "N20 M30"]}) == "M1202"
+
+
+@pytest.mark.parametrize(
+    ("definition", "value", "told"),
+    [("q170", -5, 1302), ("q170", 1e300, 1302), ("q171", -3, 1240), ("q172", 1e9, 1302)],
+)
+def test_zero_points_at_a_wrong_address_are_told_by_the_first_program_and_mended_by_a_parameter(
+    definition: str, value: float, told: int
+) -> None:
+    """Kept over the mains they do not keep the control from coming up (manual, 8.3)."""
+    desk = fresh("P1|N10 G01 X5 F1000|N20 M30", referenced=False, **{definition: value})
+    desk.power_cycle()
+    desk.send(REFERENCE)
+    desk.finish()
+    start(desk)
+    desk.finish()
+    assert said(desk)[-1] == told
+    desk.send(parameters(q170=20_000, q171=1, q172=0))
+    start(desk)
+    desk.finish()
+    assert mm(desk)[0] == 5.0
 
 
 def test_analysis_leaves_nothing_behind() -> None:

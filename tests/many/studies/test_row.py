@@ -168,6 +168,9 @@ def test_seeds_may_be_machines_that_this_one_may_be(plans: Path) -> None:
     call = TwinSpec(start_mm=(2.0, 2.0, 2.0))
     (trial,) = repetitions(call, lines, 1, timeout_s=60.0, source="known")
     assert (row["margin"], row["cycle_s"]) == (trial.verdict.least_margin, trial.verdict.cycle_s)
+    bands = [ends for ends in trial.verdict.margin_band if ends is not None]
+    assert row["margin_low"] == min(low for low, _ in bands) < row["margin"]
+    assert row["margin_high"] == min(high for _, high in bands) > row["margin"]
     with pytest.raises(PlanError, match="perturbed: 'no'; allowed: true, false, 'uncertain'"):
         load_plan(plan(plans, head.replace('"uncertain"', '"no"')))
 

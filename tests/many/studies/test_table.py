@@ -128,14 +128,15 @@ def test_damaged_lines_of_a_journal_cost_their_rows_only_and_are_told_once(
     whole = dict(rows[0], row=3, point=wanted[2].id)
     damaged = [
         {}, [], 7, None, {"point": []}, {"point": wanted[3].id}, {**whole, "point": 4}, {**whole, "commands": "many"},
-        {**whole, "cycle_s": []}, {"point": "of another program"},
+        {**whole, "cycle_s": []}, {"point": "of another program"}, {**whole, "commands": 10**30},
+        {**whole, "cycle_s": 10**400}, {**whole, "commands": True}, {**whole, "reply": "\ud800"},
     ]  # fmt: skip
     lines = [json.dumps(row).encode() for row in (*damaged, whole)] + [b"\xff\xfe", b"[" * 9999, b""]
     journal_of(file).write_bytes(b"\n".join(lines))
     with Table(file, read, wanted) as table:
         assert [point.number for point in table.missing()] == [4, 5, 6, 7, 8]
     assert [record.getMessage() for record in caplog.records] == [
-        f"{journal_of(file)}: 12 damaged lines are left out; their rows are computed again"
+        f"{journal_of(file)}: 16 damaged lines are left out; their rows are computed again"
     ]
     assert {name: read_rows(file)[2][name] for name in OUTCOMES} == OUTCOME
 

@@ -23,6 +23,7 @@ from isel_twin.firmware.bwo900.realtime.overrides import FACTORY_OVERRIDES
 MAGIC: Final = b"BWO2"
 FIRST: Final = 8  # bytes before the programs
 SIZE: Final = 4  # bytes of a checksum, and of the size of the head
+MOST_TIMES: Final = 300  # longer than its compressed form is no text: equal lines are 230 times
 
 
 class Memory:
@@ -79,12 +80,23 @@ def _unpacked(flash: bytes) -> tuple[Parameters, Store]:
     if flash[:4] != MAGIC or int.from_bytes(flash[4:FIRST], "little") != zlib.crc32(view[FIRST:]):
         raise ValueError("checksum")
     behind = len(flash) - SIZE
-    head = parse_json(zlib.decompress(view[behind - int.from_bytes(flash[behind:], "little") : behind]))
-    parameters = Parameters({int(q): float(value) for q, value in head["q"]})
+    head = parse_json(_inflated(view[behind - int.from_bytes(flash[behind:], "little") : behind]))
+    parameters = Parameters({})
+    for q, value in head["q"]:
+        parameters.write(int(q), float(value), "q")
     for q, status in head["status"]:
         parameters.set_status(int(q), int(status), "q")
     store, at = Store(), FIRST
     for name, size in head["programs"]:
-        store[name] = StoredProgram.of(name, zlib.decompress(view[at : at + size]).decode("latin-1").split("\n")[:-1])
+        store[name] = StoredProgram.of(name, _inflated(view[at : at + size]).decode("latin-1").split("\n")[:-1])
         at += size
     return parameters, store
+
+
+def _inflated(packed: memoryview) -> bytes:
+    """Raises ValueError for more than a program is, or less than all of it."""
+    inflater = zlib.decompressobj()
+    text = inflater.decompress(packed, max(MOST_TIMES * len(packed), 1))
+    if not inflater.eof:
+        raise ValueError("not compressed here")
+    return text

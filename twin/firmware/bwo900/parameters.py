@@ -236,7 +236,7 @@ class Parameters:
 
     def zero_address(self, number: int, axis: int, workspace: int = 1, group: int = 0) -> int:
         """The P of an entry of the table of zero points (manual, 8.3, q170 to q174); axis from 0."""
-        axes = int(self.given(Q.ZERO_AXES, 3, "q"))
+        axes = max(int(self.given(Q.ZERO_AXES, 3, "q")), 1)
         points = 7 + 6 * int(self.get(Q.ZERO_MORE, 0, "q"))
         groups = int(self.get(Q.ZERO_GROUPS, 0, "q")) + 1
         place = ((workspace - 1) * groups + group) * points + number

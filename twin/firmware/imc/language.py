@@ -60,6 +60,7 @@ CONTROL: Mapping[int, str] = {
 
 REFERENCE_HZ = 5000  # of the runs of `reference`
 LONGEST = 4096  # bytes after which an incomplete message is returned; no line or answer is that long
+_STORED = re.compile(rf"[9{''.join((*commands.CNC, *commands.CNC_ALIASES))}][-+0-9., \n]*".encode())
 MOST_UNANSWERED = 65_536  # most unanswered lines remembered; then the oldest is dropped
 
 
@@ -104,12 +105,15 @@ class ImcLanguage:
         return line[:1] == "@" and line[1:2].isdigit()
 
     def begins(self, data: bytes) -> bool | None:
-        """With a control byte, or with a line to one of the devices."""
+        """With a control byte, a line to one of the devices, or one of a program that is being stored: hosts open the
+        port anew for each line (bridge/22)."""
         if data[0] in CONTROL:
             return True
-        if not re.match(rb"@([0-9]|\Z)", data):
-            return False
-        return True if not {*CR, *CONTROL}.isdisjoint(data) else None
+        if re.match(rb"@([0-9]|\Z)", data):
+            return True if not {*CR, *CONTROL}.isdisjoint(data) else None
+        stored = _STORED.match(data)
+        rest = data[stored.end() :] if stored else data
+        return rest[0] in grammar.ENDS if rest else None
 
     def text(self, reply: bytes) -> str:
         return reply.decode("latin-1")

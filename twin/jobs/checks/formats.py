@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 from isel_twin.base.printable import shown, shown_line
 from isel_twin.base.units import SECOND_NS
-from isel_twin.jobs.checks.rules import RULES, Finding
+from isel_twin.jobs.checks.rules import RULES, Finding, Rule
 from isel_twin.version import VERSION
 
 _PLACE = re.compile(r"line (\d+)(?:, column (\d+))?: ")  # at the beginning of an error of a file
@@ -43,7 +43,7 @@ class Outcome(Protocol):
     def line_told(self) -> str: ...
 
     @property
-    def least_margin(self) -> float | None: ...
+    def margin_told(self) -> str: ...
 
     def summary(self) -> dict[str, Any]: ...
 
@@ -75,7 +75,7 @@ class NothingDone:
     commands: int = 0
     cycle_s: float = 0.0
     line_told: str = ""
-    least_margin: float | None = None
+    margin_told: str = ""
 
     def summary(self) -> dict[str, Any]:
         return {}
@@ -111,8 +111,7 @@ def as_words(report: Told) -> str:
         why = shown_line(f"{report.job}: not read: {report.why.removeprefix(f'{report.job}: ')}")
         return "\n".join([why, *report.excerpt.splitlines()])
     verdict = report.verdict
-    least = verdict.least_margin
-    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
+    margin = verdict.margin_told and f", margin {verdict.margin_told}"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
     time = ", ".join(filter(None, (f"{verdict.cycle_s:.3f} s", verdict.line_told)))
     rows = [f"{shown_line(report.job)}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]
@@ -168,7 +167,7 @@ def _case(job: str) -> dict[str, str]:
 def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     """SARIF 2.1.0. Paths are those of the call; relative ones start at the root of the sources. unjudged: as for
     `junit`."""
-    rules = [{"id": name, "shortDescription": {"text": rule.demand}} for name, rule in RULES.items()]
+    rules = [_described(name, rule) for name, rule in RULES.items()]
     names = list(RULES)
     results = [
         {
@@ -192,6 +191,21 @@ def sarif(reports: Sequence[Told], unjudged: Sequence[str] = ()) -> str:
     run = {"tool": {"driver": driver}, "results": results, **({"invocations": [told]} if notes else {})}
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2) + "\n"
+
+
+def _described(name: str, rule: Rule) -> dict[str, Any]:
+    broken = f"Broken when {rule.broken}."
+    return {
+        "id": name,
+        "shortDescription": {"text": rule.demand},
+        "fullDescription": {"text": _plain(f"{rule.demand} {broken}")},
+        "help": {"text": _plain(f"{broken} {rule.remedy}"), "markdown": f"{broken}\n\n{rule.remedy}"},
+        "defaultConfiguration": {"level": "warning" if rule.warning else "error"},
+    }
+
+
+def _plain(markdown: str) -> str:
+    return markdown.replace("`", "")
 
 
 def _semantic(version: str) -> str:

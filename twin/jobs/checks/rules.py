@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.jobs.playing import TIMEOUT_S
-from isel_twin.jobs.result import Result
+from isel_twin.jobs.result import Result, in_percent
 
 if TYPE_CHECKING:
     from isel_twin.jobs.toolpaths import Source
@@ -26,6 +26,8 @@ class Rule:
     """A demand on a job."""
 
     demand: str
+    broken: str  # when it is broken, as docs/ci.md has it
+    remedy: str  # what to do then
     bound: str = ""  # its key in [check]; "": it always applies
     limit: str = ""  # the bound in words, {} for its value
     warning: bool = False  # it does not make a job fail, unless that is asked for (`strict`)
@@ -34,42 +36,184 @@ class Rule:
 
 
 RULES: Mapping[str, Rule] = {
-    "unread": Rule("The file can be read, and this machine can make it.", heard=True),
-    "refused": Rule("Every command is accepted, or answered as the job expects.", heard=True),
-    "restart": Rule("The controller does not start anew before the last reply."),
-    "line": Rule("Every byte arrives as it was sent."),
-    "unmet": Rule("What a job says must be so is so.", heard=True),
-    "unfinished": Rule("Every command is over in time.", "timeout_s", "{:g} s a command", heard=True),
-    "unpowered": Rule("No step is made while the stages have no power."),
-    "lost": Rule("No motor loses steps.", physics=True),
-    "halfway": Rule("No rotor rests between two places that would hold.", physics=True),
-    "drive": Rule("No servo drive switches itself off."),
-    "collision": Rule("Nothing meets what it must not."),
-    "clearance": Rule("What must not meet keeps a distance.", "clearance", "at least {:g} mm"),
-    "switch": Rule("End switches are struck in reference runs, and only there.", "may_strike", "may be struck: {}"),
-    "fault": Rule("The controller shows no error."),
-    "margin": Rule("Every motor keeps a margin of torque.", "margin", "at least {:.4g} %", physics=True),
-    "edge": Rule("Every motor turns slower than it may before it swings.", "edge", "at least {:g}", physics=True),
-    "deviation": Rule(
-        "The machine is where the counters say, within a tolerance.", "deviation_mm", "at most {:g} mm", physics=True
+    "unread": Rule(
+        "The file can be read, and this machine can make it.",
+        "the file cannot be read, is wrong, or cannot be made on this machine",
+        "Mend the line that is named, or choose the controller and the machine that the file is for.",
+        heard=True,
     ),
-    "contour": Rule("What is cut is what the file draws, within a tolerance.", "contour_mm", "at most {:g} mm"),
-    "spindle": Rule("The spindle turns, as fast as it is to, in every cut.", "spindle"),
-    "rapid": Rule("No rapid and no change of a tool is in the stock.", "rapid"),
-    "cycle": Rule("The job takes no longer than it may.", "cycle_s", "at most {:g} s", heard=True),
-    "golden": Rule("The job does what it did.", "golden"),
-    "luck": Rule("The job ends alike on other machines of the kind.", "robust", "{} repetitions"),
+    "refused": Rule(
+        "Every command is accepted, or answered as the job expects.",
+        "a command is refused, or answered otherwise than the job expects (`=>`)",
+        "Mend the command; the reply says what is wrong. Where the refusal is wanted, write it behind `=>`.",
+        heard=True,
+    ),
+    "restart": Rule(
+        "The controller does not start anew before the last reply.",
+        "the controller starts anew before the last reply (`! restarts == 1` expects it)",
+        "Look at the command and at the events of the scenario just before: a reset, or the mains.",
+    ),
+    "line": Rule(
+        "Every byte arrives as it was sent.",
+        "a byte is altered, lost or doubled on the line, whatever was answered (`! bytes > 0` expects it)",
+        "Give host and controller the same speed and frame, and look at the events of the scenario.",
+    ),
+    "unpowered": Rule(
+        "No step is made while the stages have no power.",
+        "steps are made while the stages have no power (`! unpowered > 0` expects it)",
+        "Switch the stages on before the first move: key, hood and E-stop, then the command for power.",
+    ),
+    "unmet": Rule(
+        "What a job says must be so is so.",
+        "a condition of the job (`! x == 50 +- 0.03 mm`) is not so",
+        "The message has the value found: mend the moves before it, or the condition.",
+        heard=True,
+    ),
+    "unfinished": Rule(
+        "Every command is over in time.",
+        "a command is not over in time; the job ends there",
+        "Shorten the move, raise its speed, or give commands more time (`timeout_s`).",
+        "timeout_s",
+        "{:g} s a command",
+        heard=True,
+    ),
+    "lost": Rule(
+        "No motor loses steps.",
+        "steps are lost",
+        "Lower speed or acceleration of the line, or its load; `isel-twin tune` looks for the fastest that hold.",
+        physics=True,
+    ),
+    "halfway": Rule(
+        "No rotor rests between two places that would hold.",
+        "a rotor rests between two places that would hold",
+        "Lower speed or acceleration, or the friction and load at the end of the line.",
+        physics=True,
+    ),
+    "drive": Rule(
+        "No servo drive switches itself off.",
+        "a servo drive switches itself off: `x: following error exceeded`; it rests short of its command",
+        "Lower speed or acceleration of that axis, or allow its drive a larger following error.",
+    ),
+    "collision": Rule(
+        "Nothing meets what it must not.",
+        "two bodies meet that must not",
+        "Lead the tool around the body that is named, or lift it first; check work zero and tool length.",
+    ),
+    "clearance": Rule(
+        "What must not meet keeps a distance.",
+        "two bodies that must not meet come nearer to each other",
+        "Lead the tool around at a larger distance, or ask for less.",
+        "clearance",
+        "at least {:g} mm",
+    ),
+    "switch": Rule(
+        "End switches are struck in reference runs, and only there.",
+        "an end switch is struck in a line that sets no counter, so in no reference run",
+        "Keep the move within the travel: check work zero, and whether steps were lost before. `may_strike` allows it.",
+        "may_strike",
+        "may be struck: {}",
+    ),
+    "fault": Rule(
+        "The controller shows no error.",
+        "the controller stands in an error that the job does not expect; its flash is damaged",
+        "Take away what caused it, named in the message, and clear the error as the controller's manual says.",
+    ),
+    "margin": Rule(
+        "Every motor keeps a margin of torque.",
+        "a motor keeps less pull-out margin in a line",
+        "Lower speed or acceleration of that line.",
+        "margin",
+        "at least {:.4g} %",
+        physics=True,
+    ),
+    "edge": Rule(
+        "Every motor turns slower than it may before it swings.",
+        "a motor turns so fast that it swings itself out of step at less than this factor more, such as 1.2",
+        "Lower the speed of that line.",
+        "edge",
+        "at least {:g}",
+        physics=True,
+    ),
+    "deviation": Rule(
+        "The machine is where the counters say, within a tolerance.",
+        "counter and true position differ by more, looked at every 5 ms, load angle included",
+        "Lower the acceleration; for a difference at rest look at backlash, friction and lost steps.",
+        "deviation_mm",
+        "at most {:g} mm",
+        physics=True,
+    ),
+    "contour": Rule(
+        "What is cut is what the file draws, within a tolerance.",
+        "the carriages leave what a file of a CAM program cuts by more",
+        "Lower the feed there, ask for exact stops (G61), or let arcs have shorter chords.",
+        "contour_mm",
+        "at most {:g} mm",
+    ),
+    "spindle": Rule(
+        "The spindle turns, as fast as it is to, in every cut.",
+        "a cut is made while the spindle stands, or has not reached its speed (below)",
+        "Switch the spindle on before the cut, and give it the time to come to its speed.",
+        "spindle",
+    ),
+    "rapid": Rule(
+        "No rapid and no change of a tool is in the stock.",
+        "a rapid leads through what is left of stock, or a tool is changed in it (below)",
+        "Lift the tool above the stock first.",
+        "rapid",
+    ),
+    "cycle": Rule(
+        "The job takes no longer than it may.",
+        "from the first command to the end of the last takes longer, the line if it counts",
+        "Raise speeds or ramps as far as the motors go (`isel-twin tune`), or allow more time.",
+        "cycle_s",
+        "at most {:g} s",
+        heard=True,
+    ),
+    "golden": Rule(
+        "The job does what it did.",
+        "the job has a golden run and does something else",
+        "The message has the first difference; if it is wanted, make the golden run anew.",
+        "golden",
+    ),
+    "luck": Rule(
+        "The job ends alike on other machines of the kind.",
+        "repetitions on other machines, as one can buy them, end differently (`run --robust`)",
+        "Lower speed or acceleration where the losers lose; the message says what they have in common.",
+        "robust",
+        "{} repetitions",
+    ),
     "doubt": Rule(
         "The job ends alike, and within its bounds, on all that this machine may be, as far as it is known.",
+        "on what this machine may be, it ends otherwise or breaks `margin`, `edge` or `cycle_s`",
+        "Measure the number that separates them (`isel-twin identify`), or keep more margin.",
         "uncertain",
         "{} repetitions",
     ),
-    "signal": Rule("Captured signals give the drives the times that they need.", "pulse_us, setup_us, hold_us"),
-    "odd": Rule("No move crawls.", warning=True),
-    "caution": Rule(
-        "A file of a CAM program can be meant in one way, and is made as it says.", warning=True, heard=True
+    "signal": Rule(
+        "Captured signals give the drives the times that they need.",
+        "`drive`: pulses, or times around a turn, are shorter than the drives need",
+        "Give the source of the pulses longer ones, or more time between direction and step.",
+        "pulse_us, setup_us, hold_us",
     ),
-    "effect": Rule("Every event of the scenario comes in time, and has an effect as every bound has.", warning=True),
+    "odd": Rule(
+        "No move crawls.",
+        "a move crawls: another axis times it, or a thousand times slower than possible",
+        "Give the axis with the longest way the speed, and moves of no length none.",
+        warning=True,
+    ),
+    "caution": Rule(
+        "A file of a CAM program can be meant in one way, and is made as it says.",
+        "a CAM program's file can be meant otherwise, or is not made as it says",
+        "Say in [cam] of isel-twin.toml how it is meant, or change the word that is named.",
+        warning=True,
+        heard=True,
+    ),
+    "effect": Rule(
+        "Every event of the scenario comes in time, and has an effect as every bound has.",
+        "an event of the scenario came too late, it or a bound had no effect, a machine cannot be built",
+        "Give the event an earlier time, or take away the bound or event that can do nothing here.",
+        warning=True,
+    ),
 }
 MOST = 20  # findings of one rule that a report names one by one
 
@@ -165,14 +309,17 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
-    return _below("margin", result, result.margin, bounds.margin, words)
+    bands = result.margin_band or (None,) * len(result.margin)
+    told = [in_percent([margin], [ends]) for margin, ends in zip(result.margin, bands, strict=True)]
+    words = f"{{name}} keeps {{told}} torque; at least {100 * (bounds.margin or 0.0):.0f} %"
+    return _below("margin", result, result.margin, bounds.margin, words, told)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
-    return _below("edge", result, result.edge, bounds.edge, words)
+    told = ["" if edge is None else f"{edge:.2f}" for edge in result.edge]
+    words = f"{{name}}: unstable above {{told}} times this speed; at least {bounds.edge or 0.0:g} times"
+    return _below("edge", result, result.edge, bounds.edge, words, told)
 
 
 def of_left_out(option: str, number: int) -> list[Finding]:
@@ -184,18 +331,25 @@ def of_left_out(option: str, number: int) -> list[Finding]:
     ]
 
 
-def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:
-    """words: with {name} of the axis, and its {value} or {percent}."""
+def _below(
+    rule: str,
+    result: Result,
+    values: Sequence[float | None],
+    least: float | None,
+    words: str,
+    told: Sequence[str],
+) -> list[Finding]:
+    """words: with {name} of the axis and what is {told} of its value."""
     if least is None or result.condition:
         return []
     return [
         Finding(
             rule,
-            words.format(name=name, value=value, percent=100 * value),
+            words.format(name=name, told=text),
             result.number,
             about=name,
             off=least - value,
         )
-        for name, value in zip(AXIS_NAMES, values, strict=False)
+        for name, value, text in zip(AXIS_NAMES, values, told, strict=False)
         if value is not None and value < least
     ]

@@ -40,7 +40,9 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "lost_y": ("int64", "steps", "whole slips of axis y since power-on"),
     "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
     "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
-    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),  # many/2
+    "margin_low": ("float64", "1", "and where it lies as far as torque is known: the least"),
+    "margin_high": ("float64", "1", "the most"),
+    "margin_moves": ("float64", "1", "the margin of the lines that set no counter: without reference runs"),  # many/2
     "edge": (
         "float64",
         "1",
@@ -124,6 +126,7 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.job import check_conditions
     from isel_twin.jobs.playing import played
+    from isel_twin.jobs.result import least_band
     from isel_twin.jobs.robust import perturbation, perturbed_twin
     from isel_twin.jobs.verdict import whole_slips
 
@@ -153,6 +156,7 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     ]
     nothing = (None, None, None)
     least, line, axis = min((m for m in margins if m[1] not in inspection.setting), default=nothing)
+    low, high = least_band(verdict.margin_band) or (None, None)
     first = wrong[0] if wrong else None
     replies = [result.shown_reply for result in results if not result.condition]
     return {
@@ -163,6 +167,8 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
         "refused": verdict.refused,
         **{f"lost_{name}": int(steps) for name, steps in zip(CARRIAGES, slips, strict=False)},
         "margin": min(margins, default=nothing)[0],
+        "margin_low": low,
+        "margin_high": high,
         "margin_moves": least,
         "edge": verdict.least_edge and verdict.least_edge[0],
         "limiting": axis,

@@ -148,15 +148,26 @@ class Table:
 
 def _journal_row(line: bytes) -> dict[str, Any] | None:
     """The row in a line of a journal; None if it is damaged."""
-    kinds: dict[str, type | tuple[type, ...]] = {"bool": bool, "int64": int, "float64": (int, float), "string": str}
     try:
         row: dict[str, Any] = parse_json(line)
         whole = isinstance(row["point"], str) and all(
-            row[name] is None or isinstance(row[name], kinds[kind]) for name, (kind, *_) in OUTCOMES.items()
+            row[name] is None or _fits(row[name], kind) for name, (kind, *_) in OUTCOMES.items()
         )
     except (ValueError, TypeError, KeyError):
         return None
     return row if whole else None
+
+
+def _fits(value: Any, kind: str) -> bool:
+    """True for a value of a column of this kind."""
+    match kind:
+        case "bool":
+            return type(value) is bool
+        case "int64":
+            return type(value) is int and -(2**63) <= value < 2**63
+        case "float64":
+            return type(value) is float or (type(value) is int and abs(value) <= 2**53)
+    return isinstance(value, str) and value == value.encode("utf-8", "replace").decode()  # no half of a character
 
 
 def read_rows(file: Path) -> list[dict[str, Any]]:

@@ -49,13 +49,17 @@ class Coordinates:
 
     def __init__(self, parameters: Parameters, length_mm: float) -> None:
         self._parameters = parameters
-        self.reset((0.0, 0.0, 0.0), length_mm)
+        try:
+            self.reset((0.0, 0.0, 0.0), length_mm)
+        except ProgramError:  # the table of zero points is at a wrong address, which the first program will be told
+            self.reset((0.0, 0.0, 0.0), length_mm, START.with_g(G.NO_ZERO))
 
-    def reset(self, position: Point, length_mm: float) -> None:
-        """A program begins. position: of the axes, machine coordinates. length_mm: of the tool."""
+    def reset(self, position: Point, length_mm: float, modal: Modal = START) -> None:
+        """A program begins. position: of the axes, machine coordinates. length_mm: of the tool. Raises ProgramError
+        M1240, M1302."""
         self._letters = tuple(name for name, _ in self._parameters.axes)
         axes = len(self._letters)
-        self.modal = START
+        self.modal = modal
         self._planes = {g: _plane_of(self._parameters.get(q, 0.0, "q"), other) for g, (q, other) in PLANES.items()}
         self.rotation, self.shift, self.correction = Rotation(), (0.0,) * axes, (0.0,) * axes
         self._length = length_mm

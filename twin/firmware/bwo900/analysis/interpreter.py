@@ -65,12 +65,11 @@ class Interpreter:
         self._plain = Plain(parameters, self._coordinates, self._targets, self._output)
         self._ready = self._output.ready
         self._supervision = Supervision(self._ready)
-        self._reset((0.0, 0.0, 0.0))
+        self._clear()
 
-    def _reset(self, position: Point) -> None:
+    def _clear(self) -> None:
         self.stack.clear()
         self._values.clear()
-        self._coordinates.reset(position, self._tools.length_mm)
         self._reader.clear()
         self._targets.clear()
         self._output.clear()
@@ -91,7 +90,8 @@ class Interpreter:
         Raises ProgramError: M1252 there is no such program, M1255 no such block."""
         program = self._store.find(name)
         place = 0 if block is None else program.place(block)
-        self._reset(position)
+        self._clear()
+        self._coordinates.reset(position, self._tools.length_mm)
         self.stack.begin(program, place)
         self._skips = skips
         if self._parameters.get(P.TOOL_LOCK):
