@@ -61,13 +61,14 @@ def drive(
     The signals of each axis are named by --map, repeated or separated by commas: x.step and x.dir (or x.plus and
     x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
     high. Understood are CSV of Saleae Logic and sigrok, LinuxCNC's `halsampler -t`, other CSV with times, VCD, --steps
-    and --vcd of `run`, and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
+    and --vcd of `run`, and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator
+    (.out).
 
     Positions are relative to the beginning of the capture: --start, or random by --seed. The default limits of pulses
     and changes of direction are those of a DRV8825; 0 is no limit.
 
-    Exit code 0 if no step was lost, no pulse is too short and no change of direction too late for the drives, and no
-    switch struck that is not named by --may-strike, else 1.
+    Exit code 0 if no step was lost, the capture has no gap, no pulse is too short and no change of direction too late
+    for the drives, and no switch struck that is not named by --may-strike, else 1.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("gap", gap, 1e-6)
