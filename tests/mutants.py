@@ -1,15 +1,15 @@
 """Mutations: change one thing of a module at a time, and see whether the tests notice.
 
-    python tests/mutants.py twin/motion                          every module of a folder, against tests/motion
+    python tests/mutants.py twin/motion                          every module of a folder
     python tests/mutants.py twin/wiring/line.py tests/wiring --sample 20
-    python tests/mutants.py --sample 100 --seed 7                the whole package, each against the tests that import
-                                                                 its module
+    python tests/mutants.py --sample 100 --seed 7                the whole package
 
     a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
 
 Goal: to find what no test looks at. Each mutant is written into a copy of the package, so the working tree stays as it
-is, and the tests run in a process of their own; a mutant whose tests need twice the processor time is stopped and
-counts as noticed. What survives is printed as file:line and the change; some of that means the same as before.
+is. The tests of its module (those named after it, those that import it, those of its folder or controller, in this
+order) run in a process of their own to the first that fails; slow ones are left out. A mutant is noticed if that test
+passes without the change. A line for each is printed: the place, the change and the test that noticed.
 """
 
 from __future__ import annotations
@@ -17,19 +17,24 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import itertools
 import os
 import random
 import re
-import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PLACES = {"twin": "", "bridge": "bridge", "envs": "envs", "models": "models"}  # folders, and where they are installed
+ENDLESS_S = 100
+"""A test that needs so long has failed, if it passes without the change."""
+TIME = "the time"
 COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 COMPARED |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
 CALCULATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult}
@@ -54,18 +59,22 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:
             yield ast.Pass()
 
 
-def mutants(source: str) -> Iterator[tuple[int, str, str]]:
-    """Line, what was changed, and the whole changed text, for each mutation of a module."""
-    tree = ast.parse(source)
+def places(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST, ast.AST]]:
+    """Parent, field, place in it, node and what may stand there, for each mutation of a module."""
     for parent in ast.walk(tree):
         for name, value in ast.iter_fields(parent):
-            places = enumerate(value) if isinstance(value, list) else [(None, value)]
-            for index, node in places:
+            for index, node in enumerate(value) if isinstance(value, list) else [(None, value)]:
                 for new in changes(node) if isinstance(node, ast.AST) else ():
-                    put(parent, name, index, new)
-                    what = f"{ast.unparse(node)}  ->  {ast.unparse(ast.fix_missing_locations(copy.copy(new)))}"
-                    yield node.lineno, what, ast.unparse(ast.fix_missing_locations(tree))  # type: ignore[attr-defined]
-                    put(parent, name, index, node)
+                    yield parent, name, index, node, new
+
+
+def mutated(source: str, number: int) -> tuple[int, str, str]:
+    """Line, what was changed, and the whole text of one mutation of a module."""
+    tree = ast.parse(source)
+    parent, name, index, node, new = next(itertools.islice(places(tree), number, None))
+    what = f"{ast.unparse(node)}  ->  {ast.unparse(ast.fix_missing_locations(copy.copy(new)))}"
+    put(parent, name, index, new)
+    return getattr(node, "lineno", 0), what, ast.unparse(ast.fix_missing_locations(tree))
 
 
 def put(parent: ast.AST, name: str, index: int | None, node: ast.AST) -> None:
@@ -76,19 +85,6 @@ def put(parent: ast.AST, name: str, index: int | None, node: ast.AST) -> None:
         getattr(parent, name)[index] = node
 
 
-def noticed(package: Path, tests: list[str], limit_s: int | None) -> bool:
-    """Do the tests fail with this copy of the package, or need more than limit_s of processor time?"""
-
-    def limit() -> None:
-        if limit_s is not None:
-            resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
-
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, preexec_fn=limit, check=False)
-    return done.returncode != 0
-
-
 def within(file: Path) -> Path:
     """The place of a source file in the installed package."""
     name, *rest = file.relative_to(ROOT).parts
@@ -96,59 +92,95 @@ def within(file: Path) -> Path:
 
 
 def tests_of(file: Path) -> list[str]:
-    """The tests that import a module of the package; without one, those of its folder."""
+    """The tests of a module, nearest first: named after it, importing it, in its folder, of its controller."""
     parts = within(file).with_suffix("").parts
     dotted, parent = ".".join(("isel_twin", *parts)), ".".join(("isel_twin", *parts[:-1]))
     imported = re.compile(rf"{re.escape(dotted)}\b|from {re.escape(parent)} import [^\n]*\b{parts[-1]}\b")
-    found = [test for test in sorted((ROOT / "tests").rglob("test_*.py")) if imported.search(test.read_text("utf-8"))]
-    folders = [ROOT.joinpath("tests", *parts[:deep]) for deep in range(len(parts) - 1, -1, -1)]
-    return [str(test) for test in found or [next(folder for folder in folders if folder.is_dir())]]
+    folders = [ROOT.joinpath("tests", *parts[:deep]) for deep in range(len(parts) - 1, 0, -1)]
+    folder = next((folder for folder in folders if folder.is_dir()), None)
+    ranked = []
+    for test in (ROOT / "tests").rglob("test_*.py"):
+        text = test.read_text("utf-8")
+        near = parts[-1].strip("_") in test.stem and (folder is None or folder in test.parents)
+        controller = parts[0] == "firmware" and f"test_{parts[1]}_" in test.name  # conformance to its manual
+        if near or imported.search(text) or folder in test.parents or controller:
+            long = re.search(r"mark\.long\(seconds=(\d+)", text)
+            rank = 0 if near else 1 if imported.search(text) else 2 if folder in test.parents else 3
+            said = sum(text.count(word) for word in parts[-2:])
+            ranked.append((rank, int(long[1]) if long else 0, -said, str(test.relative_to(ROOT))))
+    return [test for *_, test in sorted(ranked)] or ["tests/test_twin.py"]
 
 
-def spent_s() -> float:
-    """Processor time of the tests so far."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def first_failure(package: Path, tests: list[str], limit_s: float) -> str | None:
+    """The first test that fails with this copy of the package, TIME if none has by then; None if all pass."""
+    command = [sys.executable, "-m", "pytest", "-xqrfE", "-m", "not slow", "-p", "no:cacheprovider"]
+    command += [f"--timeout={ENDLESS_S}", *tests]
+    environment = os.environ | {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        start_new_session=True,
+    ) as run:  # fmt: skip
+        try:
+            said, _ = run.communicate(timeout=limit_s)
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)
+            return TIME
+    if run.returncode in {0, 5}:  # 5: no test is left without the slow ones
+        return None
+    failed = re.search(r"^(?:FAILED|ERROR) ([^\[ ]+)", said, re.MULTILINE)
+    return failed[1] if failed else "the interpreter"
+
+
+def write(package: Path, file: Path, text: str | None) -> None:
+    """Put a text in the place of a module of the copy, or the module itself, without what was compiled of the other."""
+    copied = package / within(file)
+    for compiled in (copied.parent / "__pycache__").glob(f"{copied.stem}.*"):
+        compiled.unlink()
+    if text is not None:
+        copied.write_text(text, "utf-8")
+        return
+    shutil.copy2(file, copied)
+    for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
+        shutil.copy2(compiled, copied.parent / "__pycache__")
 
 
 def main() -> int:
-    """Returns 1 if the tests fail without any mutation."""
+    """Returns 1 if tests fail without any mutation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="?", type=Path, help="a module or a folder of the package; default: all of it")
-    parser.add_argument("tests", nargs="*", help="tests to run; by default those that import the module")
+    parser.add_argument("tests", nargs="*", help="tests to run; by default those of the module")
     parser.add_argument("--sample", type=int, default=0, help="so many mutants, drawn at random (0: all)")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=900.0, help="for the tests of one mutant; later: undecided")
     call = parser.parse_args()
-    places = [call.modules.resolve()] if call.modules else [ROOT / name for name in PLACES]
-    files = sorted(file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place]))
-    work = [(file, *mutant) for file in files for mutant in mutants(file.read_text("utf-8"))]
+    folders = [call.modules.resolve()] if call.modules else [ROOT / name for name in PLACES]
+    files = sorted(file for place in folders for file in (place.rglob("*.py") if place.is_dir() else [place]))
+    work = [(file, n) for file in files for n, _ in enumerate(places(ast.parse(file.read_text("utf-8"))))]
     if call.sample:
-        work = sorted(random.Random(call.seed).sample(work, min(call.sample, len(work))), key=lambda m: (m[0], m[1]))
+        work = random.Random(call.seed).sample(work, min(call.sample, len(work)))
+    tests = {file: call.tests or tests_of(file) for file, _ in work}
+    work.sort(key=lambda mutant: (len(tests[mutant[0]]), mutant))  # short ones first
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "isel_twin"
         for name, inside in PLACES.items():
-            shutil.copytree(
-                ROOT / name, package / inside, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True
-            )
-        survivors, limits_s = 0, {}
-        for file, line, what, text in work:
-            tests = call.tests or tests_of(file)
-            if (key := tuple(tests)) not in limits_s:
-                before_s = spent_s()
-                if noticed(package, tests, None):
-                    print(f"the tests fail without a mutation: {' '.join(tests)}")
-                    return 1
-                limits_s[key] = round(2 * (spent_s() - before_s)) + 5
-            limit_s = limits_s[key]
-            copied = package / within(file)
-            original = copied.read_text("utf-8")
-            copied.write_text(text, "utf-8")
-            if not noticed(package, tests, limit_s):
-                survivors += 1
-                print(f"{file.relative_to(ROOT)}:{line}: {what}", flush=True)
-            copied.write_text(original, "utf-8")
-    print(f"{len(work)} mutants, {survivors} survived")
-    return 0
+            shutil.copytree(ROOT / name, package / inside, dirs_exist_ok=True)  # and what is compiled of it
+        counted: Counter[str] = Counter()
+        for file, number in work:
+            source = file.read_text("utf-8")
+            line, what, text = mutated(source, number)
+            write(package, file, text)
+            failed = first_failure(package, tests[file], call.seconds)
+            if failed is None or failed == TIME:
+                result = "undecided" if failed else "survived"
+            else:
+                write(package, file, ast.unparse(ast.parse(source)))  # as the mutant is written, without the change
+                again = first_failure(package, [failed] if "::" in failed else tests[file], call.seconds)
+                result = "fails without a mutation" if again else "noticed"
+            write(package, file, None)
+            counted[result] += 1
+            print(f"{result}: {file.relative_to(ROOT)}:{line}: {what}  [{failed or 'all pass'}]", flush=True)
+    print(f"{len(work)} mutants: {', '.join(f'{many} {result}' for result, many in counted.items())}")
+    return 1 if counted["fails without a mutation"] else 0
 
 
 if __name__ == "__main__":

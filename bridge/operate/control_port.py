@@ -43,6 +43,7 @@ TOKEN_S = 10.0  # wall time in which a client has to send the token; who does no
 UNREAD_BYTES = 16_384  # unread answers beyond which a client is not read
 ROUND = 8  # most requests of a client in one round of the server's loop
 ERROR_CHARACTERS = 600  # longest error message
+NO_OBJECT = 'request: no object; allowed: one object a line, {"state": true}'
 
 
 def parse_request(line: bytes) -> dict[str, Any]:
@@ -52,7 +53,7 @@ def parse_request(line: bytes) -> dict[str, Any]:
     except ValueError as error:
         raise ControlError(f'request: no JSON: {error}; allowed: one object a line, {{"state": true}}') from None
     if not isinstance(content, dict):
-        raise ControlError('request: no object; allowed: one object a line, {"state": true}')
+        raise ControlError(NO_OBJECT)
     return content
 
 
@@ -94,6 +95,11 @@ class _Client:
     def overlong(self) -> bool:
         """True if its next request is longer than LINE_BYTES."""
         return self.pending is None and len(self.buffer) > LINE_BYTES and not self.has_line
+
+    @property
+    def strange(self) -> bool:
+        """True if it begins with no object; what a browser sends may have no end of line."""
+        return not (self.begun or self.skipping) and self.buffer.lstrip()[:1] not in (b"", b"{")
 
     def lines(self) -> Iterator[bytes]:
         """Requests to handle in this round."""
@@ -218,6 +224,10 @@ class ControlPort(Guest):
             if not client.skipping:
                 self._put(client, {"error": f"request: longer than {LINE_BYTES} bytes; allowed: one object a line"})
             client.skipping = True
+        if client.strange:
+            client.buffer.clear()
+            self._put(client, _error(NO_OBJECT))
+            client.leaving = True
         if client.leaving and not client.outbox and not client.ready and client.pending is None:
             self._drop(client)
 

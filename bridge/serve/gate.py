@@ -35,6 +35,7 @@ STRANGERS: Sequence[tuple[str, re.Pattern[bytes]]] = tuple(
         ("an SSH greeting", rb"SSH-"),
         ("an HTTP request, or another line of a word and a blank", _TOKEN + rb"(?<= )\S"),
         ("a TLS greeting", re.escape(bytes.fromhex("1603"))),
+        ("WebRTC's imitation of one", re.escape(bytes.fromhex("80460103"))),
         ("a STUN message", rb"(..)?...." + re.escape(bytes.fromhex("2112a442"))),
         ("an SMB greeting", b"....[" + bytes.fromhex("feff") + b"]SMB"),
     )

@@ -59,9 +59,10 @@ def registered(content: Mapping[str, Any]) -> Iterator[None]:
     file: IO[str] | None = None
     path = folder() / f"{os.getpid()}-{next(_numbers)}.json"
     try:
-        path.parent.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        path.parent.mkdir(exist_ok=True, mode=0o700)
-        _require_own(path.parent)
+        path.parent.parent.parent.mkdir(parents=True, exist_ok=True)
+        for place in (path.parent.parent, path.parent):  # nothing is made in one of somebody else's
+            place.mkdir(exist_ok=True, mode=0o700)
+            _require_own(place)
         file = _held(path, json.dumps({"pid": os.getpid(), **content}))
     except OSError as error:
         foreign = isinstance(error, ForeignError)
@@ -84,12 +85,11 @@ class ForeignError(PermissionError):
     """A folder of the registry is not this user's own."""
 
 
-def _require_own(ports: Path) -> None:
-    """Raise ForeignError unless the folder and the one above it are real folders of this user that nobody else may
-    write to."""
+def _require_own(*places: Path) -> None:
+    """Raise ForeignError unless these are real folders of this user that nobody else may write to."""
     if not hasattr(os, "getuid"):  # Windows: each user has a temporary folder of his own
         return
-    for place in (ports.parent, ports):
+    for place in places:
         found = place.lstat()
         if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
             raise ForeignError(errno.EPERM, f"{place} is not a folder of this user alone; remove it")
@@ -117,7 +117,7 @@ def _held(path: Path, text: str) -> IO[str]:
 def served() -> list[dict[str, Any]]:
     """The entries of running servers, the oldest first. Files of killed ones are removed."""
     try:
-        _require_own(folder())
+        _require_own(folder().parent, folder())
         paths = sorted(folder().glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name))
     except OSError:
         return []

@@ -200,12 +200,21 @@ def test_a_host_that_floods_a_paused_twin_is_made_to_wait(bench, speed):
     assert here.server._unheard < 3 * 4096 + 4096
 
 
-def test_a_browser_is_sent_away(bench):
-    """A page can make a browser send a form to the loopback interface; its body must not be taken for a request."""
+@pytest.mark.parametrize(
+    "data",
+    [
+        b'POST / HTTP/1.1\r\nHost: localhost\r\n\r\n{"stop": true}\n',
+        bytes.fromhex("1603010200010001fc0303"),  # TLS: no line ends
+        bytes.fromhex("000100002112a442") + bytes(12),  # STUN
+    ],
+    ids=["a form", "https", "WebRTC"],
+)
+def test_a_browser_is_sent_away(bench, data):
+    """A page can make it send to the loopback interface; nothing must be taken for a request, and no place be kept."""
     here = bench()
     client = here.connect()
-    client.send(b'POST / HTTP/1.1\r\nHost: localhost\r\n\r\n{"stop": true}\n')
-    assert "no JSON" in client.answer()["error"]
+    client.send(data)
+    assert "request: no" in client.answer()["error"]
     assert client.closed()
     assert here.connect().ok(state=True)
 

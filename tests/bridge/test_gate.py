@@ -27,13 +27,27 @@ CONTROLLERS = ("imc-s8", "ismif", "gmi99", "bwo900", "external")
 BODY = b"@07\r@0A1600,800,0,30,0,30,0,30\r"
 POST = b"POST / HTTP/1.1\r\nHost: 127.0.0.1:5000\r\nContent-Type: text/plain\r\nContent-Length: 32\r\n\r\n" + BODY
 STUN = bytes.fromhex("000100002112a442") + bytes(12)
+LONG = bytes.fromhex("68 05 05 68 e0 81 ee 00 00 4f 16")
 METHODS = ("POST", "patch", "PROPFIND", "x", "P1", "D", "state", "row", "$HZXY", "L1", "W", "*")
+
+
+def _framed_request() -> bytes:
+    """The method is the head of a long record, a header has its checksum and its end: a page may send such a request to
+    the origin from which it was loaded (Fetch, 2.2.2: a value may have any bytes but 00h, CR and LF)."""
+    request = b"h~~h / HTTP/1.1\r\nHost: 127.0.0.1:5000\r\nConnection: keep-alive\r\nX: ".ljust(4 + ord("~"), b"x")
+    return request + bytes([sum(request[4:]) % 256, 0x16]) + b"\r\n\r\n" + LONG
+
+
 FOREIGN = {
     **{f"the method {method}": f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n".encode() + BODY for method in METHODS},
+    "a method and a header that are a frame of DIN 19244": _framed_request(),
     "an image": b"GET /@07 HTTP/1.1\r\nHost: x\r\n\r\n",
     "a socket": b"GET /chat HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n",
     "HTTP/2": b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
     "https": bytes.fromhex("1603010200010001fc0303") + BODY,
+    "a greeting like TLS, by WebRTC": bytes.fromhex(
+        "80460103010 02d000000100100800300800700c0060040020080".replace(" ", "")
+    ),
     "STUN": STUN,
     "framed STUN": b"\x00\x14" + STUN,
     "a longer frame": b"\x01\x14" + STUN + BODY,
@@ -61,7 +75,7 @@ HOSTS = {
     ("ismif", "blanks"): b"$H ZXY\r",
     ("gmi99", "a short record"): bytes.fromhex("10e001e116"),
     ("gmi99", "of the other variant"): bytes.fromhex("1001e0e116"),
-    ("gmi99", "a long record"): bytes.fromhex("68050568e081ee00004f16"),
+    ("gmi99", "a long record"): LONG,
     ("bwo900", "a program"): b"\r\nP1\r\nN10 G1 X10\r\n#\r\n\x04\r\n",
     ("bwo900", "parameters"): b"D\rK1:P8683: 1\r#\r",
     ("bwo900", "an end, XON, a table"): b"\x04\x11W\nK1:P 21000: 1\n",

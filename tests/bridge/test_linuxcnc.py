@@ -251,6 +251,21 @@ def test_a_session_that_is_left_early_ends_and_makes_room(pretending: Path) -> N
         assert not session.running
 
 
+def test_a_linuxcnc_that_does_not_end_is_told_and_killed(pretending: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It heeds no signal; no other session would ever begin."""
+    monkeypatch.setattr(kit, "GRACE_S", 0.25)
+    deaf = "#!/bin/sh\ntrap '' TERM\necho deaf\nwhile :; do sleep 1; done\n"
+    (pretending.parent / "programs" / "linuxcnc").write_text(deaf)
+    with Session("127.0.0.1:1234", [320] * 3, patience_s=0.01) as session:
+        while "deaf" not in (session.folder / kit.LOG).read_text():
+            assert session.running
+        with pytest.raises(LinuxCncError, match=r"LinuxCNC has not ended 0.5 s after its session's time"):
+            session.wait()
+        assert session.running
+    assert session._process.returncode == -signal.SIGKILL
+    assert not session.folder.exists()
+
+
 SLOW = """#!/bin/sh
 sleep 1
 echo $2 > "${0%/*}/begun"

@@ -279,6 +279,35 @@ def test_an_agent_that_does_not_read_is_dropped_before_it_misses_a_line() -> Non
     assert seen == [seen[0] + number for number in range(len(seen))]
 
 
+def test_a_silent_agent_that_reads_late_misses_no_line_and_is_looked_after() -> None:
+    """300 positions are 36 kB: more than both buffers of the operating system, less than an agent may leave unread."""
+    enough, looks = threading.Event(), itertools.count()
+
+    def look() -> dict[str, Any]:
+        if (number := min(next(looks), 300)) == 300:
+            enough.set()
+        return state(position_mm=[float(number)] * 3)
+
+    adapter = Adapter("127.0.0.1:0", look, 0.0001)
+    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    with socket.socket() as agent:
+        agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        agent.settimeout(REPLY_S)
+        agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+        running = threading.Thread(target=adapter.run, daemon=True)
+        running.start()
+        assert enough.wait(REPLY_S)
+        (known,) = adapter._agents
+        assert known.connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        told = b""
+        while b"|Xact|300.0000|" not in told:
+            told += agent.recv(65_536)
+        adapter.stop()
+        running.join(REPLY_S)
+    seen = [float(text) for text in re.findall(rb"Xact\|(\d+\.0000)\|", told)]
+    assert seen == [float(number) for number in range(int(seen[0]), 301)]
+
+
 def test_a_stop_does_not_wait_for_the_next_look() -> None:
     looked = threading.Event()
 

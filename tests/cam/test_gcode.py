@@ -162,6 +162,8 @@ BODY = "G21\nG0 X0\nF100\n"
             "column 1: G53 cannot be used with G91; write G90 in its line, and G91 again in the next one",
         ),
         ("G4", "column 1: G4 wants P, seconds of 0 or more"),
+        ("G52", "column 1: G52 wants X, Y or Z"),
+        ("G92", "column 1: G92 wants X, Y or Z"),
         ("G2 X5", "column 1: an arc wants its centre I J K, or its radius R"),
         ("G2 X5 I2 R5", "column 1: an arc has R or I J K, not both"),
         ("G2 R5", "column 1: an arc by R cannot end at its start: a full circle wants its centre I J K"),
@@ -207,6 +209,11 @@ def test_r_counts_from_where_the_series_began_in_g91() -> None:
     assert told("gcode", "G21 G90 F60\nG0 Z5\nG91 G81 X1 Z-3 R-2\nM2\n", UP)[1:-1] == [
         *("rapid 1 0 5", "rapid 1 0 3", "line 1 0 0 F1", "rapid 1 0 5"),
     ]
+
+
+def test_s_of_a_dwell_is_its_seconds_unless_p_is() -> None:
+    assert told("gcode", "G21\nS100 M3\nG4 S2\nM2\n", UP) == ["spindle cw 100", "dwell 2", "end"]
+    assert told("gcode", "G21\nM3\nG4 P2 S100\nM2\n", UP)[-3:] == ["spindle cw 100", "dwell 2", "end"]
 
 
 def test_a_depth_of_whole_pecks_has_no_peck_more() -> None:

@@ -72,6 +72,11 @@ def test_circle_arc_and_rectangle() -> None:
         ("PU0,0;PD;AR400,0,-90;", "arc 10 10 -0.5 about 10 0 cw F10"),
         ("PU400,0;PD;AT0,400,-400,0;", "arc -10 0 -0.5 about 0 0 ccw F10"),
         ("PU400,0;PD;RT-400,-400,-800,0;", "arc -10 0 -0.5 about 0 0 cw F10"),
+        ("PU700,1200;PD;AT400,1300,-100,800;", "arc -2.5 20 -0.5 about 10 20 ccw F10"),
+        ("PU700,1200;PD;RT200,-400,-300,-900;", "arc 10 7.5 -0.5 about 10 20 cw F10"),
+        ("PU400,0;PD;AT0,400,-400,0,5;", "arc -10 0 -0.5 about 0 0 ccw F10"),
+        ("PU400,0;PD;AA0,0,90,5;", "arc 0 10 -0.5 about 0 0 ccw F10"),
+        ("PU0,0;PD;AR400,0,-90,5;", "arc 10 10 -0.5 about 10 0 cw F10"),
         ("PU400,0;PD;AT800,0,1200,0;", "line 30 0 -0.5 F10"),
         ("PU400,0;PD;AA0,0,720;", "arc 10 0 -0.5 about 0 0 ccw x2 F10"),
         ("IP0,0,8128,8128;SC0,10000,0,10000;PU0,0;PD10000,5000;", "line 203.2 101.6 -0.5 F10"),
@@ -117,6 +122,9 @@ def test_what_is_left_out_is_said_once(text: str, caution: str) -> None:
         ("SC0,1,0,1;", "line 1, column 1: SC without IP: the size of the plotter is not known; write IP before it"),
         ("IP0,0,9,9;SC0,1,0,1,1;", "line 1, column 11: SC of type 1 or 2 is not read; let the program that made it"),
         ("IP0,0,9,18;SC0,1,0,1;CI1;", "line 1, column 22: a circle under SC with different scales is an ellipse"),
+        ("IP0,0,9,18;SC0,1,0,1;AA1,1,90;", "line 1, column 22: a circle under SC with different scales is an ellipse"),
+        ("IP0,0,9,18;SC0,1,0,1;AT1,1,2,0;", "line 1, column 22: a circle under SC with different scales is an ellipse"),
+        ("AT5,5,9;", "line 1, column 1: AT wants 4 numbers"),
         ("IN;?;", "line 1, column 4: '?' is no instruction of HPGL"),
         ("5,5;", "line 1, column 1: 5 stands behind no instruction"),
         ("AA5,5;", "line 1, column 1: AA wants 3 numbers"),
@@ -149,6 +157,13 @@ def test_polygon_of_two_parts_is_closed_twice() -> None:
     assert [move.removesuffix(" -0.5 F10") for move in lines if "F10" in move] == [
         "line 10 0", "line 10 10", "line 0 0", "line 30 0", "line 30 10", "line 20 0"
     ]  # fmt: skip
+
+
+def test_a_polygon_has_100_000_points_and_no_more() -> None:
+    text = "PU0,0;PM0;PD" + ",".join(["1,1"] * 100_000)
+    assert told("hpgl", f"{text};PM2;", PEN)[-1] == "end"
+    with pytest.raises(CamError, match="a polygon of more than 100000 points; draw it with PD"):
+        told("hpgl", f"{text},1,1;PM2;", PEN)
 
 
 @pytest.mark.parametrize(("degrees", "end", "sense"), [(90, "30 30", "ccw"), (-90, "10 10", "cw")])

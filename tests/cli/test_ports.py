@@ -165,6 +165,13 @@ def test_what_somebody_else_has_prepared_is_refused_in_one_line(prepare, shared,
     assert "is not a folder of this user alone; remove it" in caplog.text
 
 
+def test_nothing_is_made_where_a_link_of_somebody_else_leads(shared: Path, tmp_path: Path, caplog) -> None:
+    prepared_by_link(shared, tmp_path / "elsewhere")
+    with registry.registered({"ports": []}):
+        assert list((tmp_path / "elsewhere").iterdir()) == []
+    assert "is not a folder of this user alone; remove it" in caplog.text
+
+
 def test_a_link_within_ones_own_folder_is_not_followed(shared: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("precious")

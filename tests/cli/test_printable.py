@@ -68,9 +68,10 @@ def steering(text: str) -> list[str]:
 @pytest.mark.long(seconds=8)
 def test_run_shows_names_and_commands_without_what_steers(tmp_path: Path) -> None:
     (tmp_path / f"{NAME}.imc").write_bytes(b"@07\n@0\x1b]0;title\x07\x9b2J\n")
-    code, told = call(tmp_path, "run", f"{NAME}.imc", "--plant", "kinematic")
+    code, told = call(tmp_path, "run", f"{NAME}.imc", "--plant", "kinematic", "--report", "run.html")
     assert code == 1
-    assert steering(told) == []
+    assert steering(told + (page := (tmp_path / "run.html").read_text())) == []
+    assert f"{SHOWN}.imc" in page
     assert r"\x1b]0;title\x07\x9b2J" in told
     code, told = call(tmp_path, "run", f"{NAME}.missing")
     assert code == 2

@@ -10,7 +10,7 @@ import pytest
 
 from isel_twin.drives.curves import pull_out_prediction, pull_out_torque
 from isel_twin.drives.library import MOTORS
-from isel_twin.drives.motor import Motor, from_datasheet
+from isel_twin.drives.motor import Motor, Specimen, from_datasheet
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.stage import Stage
 
@@ -160,3 +160,19 @@ def test_kinds_of_stages(kind: str, share: float, gain: float) -> None:
 
 def test_a_current_is_its_peak_and_its_rms_value() -> None:
     assert Stage(supply_v=48.0, current_a=4.2).current_rms_a == pytest.approx(2.97, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("factor", "number"),
+    [
+        ("resistance", "resistance_ohm"),
+        ("inductance", "inductance_h"),
+        ("torque_constant", "torque_constant_nm_per_a"),
+        ("rotor_inertia", "rotor_inertia_kgm2"),
+        ("detent_torque", "detent_torque_nm"),
+        ("iron_knee", "iron_knee_rad_s"),
+    ],
+)
+def test_a_specimen_differs_from_its_sheet_by_its_factor(factor: str, number: str) -> None:
+    sheet = MOTORS["23HS32-4004S"]
+    assert getattr(Specimen(**{factor: 1.5}).of(sheet), number) == pytest.approx(1.5 * getattr(sheet, number))

@@ -116,6 +116,13 @@ def test_electronic_damping_quiets_a_rotor_and_leaves_it_where_it_stood() -> Non
     assert swing_after_a_kick(2.0, 8) < 0.02 * swing_after_a_kick(0.0, 8)
 
 
+def test_electronic_damping_smooths_its_pulses_at_five_times_its_corner() -> None:
+    """A low pass of f goes 1 - exp(-2 pi f dt) of the way in dt; drives/9."""
+    stage = dataclasses.replace(damped(2.0), damping_corner_hz=300.0)
+    share = axis_parameters(NO_DETENT, stage, Screw(), 25e-6)["smooth_share"][0]
+    assert share == pytest.approx(1.0 - math.exp(-2.0 * math.pi * 1500.0 * 25e-6))
+
+
 @pytest.mark.parametrize("microsteps", [1, 2])
 def test_there_is_no_electronic_damping_in_half_and_full_step(microsteps: int) -> None:
     assert swing_after_a_kick(2.0, microsteps) == swing_after_a_kick(0.0, microsteps)

@@ -19,7 +19,7 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
-from isel_twin.drives.stability import Bench, Rotation, limit_rad_s, rule_rpm
+from isel_twin.drives.stability import Bench, Rotation, _Map, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
 
 pytestmark = pytest.mark.long(seconds=5)
@@ -105,6 +105,17 @@ def test_a_load_that_no_current_carries_has_no_rotation() -> None:
     assert list(Bench(NEMA23, AT_48_V, 2.5).rotations([100.0, 200.0])) == [None, None]
     assert Bench(NEMA23, AT_48_V, 2.5).limit().speed_rpm == 0.0
     assert not Bench(NEMA23, AT_48_V, 2.5).limit().swings
+
+
+def test_an_overloaded_motor_is_left_as_soon_as_it_is_out_of_step() -> None:
+    """Under a little more torque than it has: half an electrical revolution behind it will not come back."""
+    peak_nm = NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
+    on, omega = Bench(NEMA23, AT_48_V, 1.05 * peak_nm, 9.0 * NEMA23.rotor_inertia_kgm2), 200.0 * math.pi / 30.0
+    sub_steps, quarter_s = 300, 0.5 * math.pi / (NEMA23.pole_pairs * omega)
+    parameters = axis_parameters(on.motor, on.stage, on._screw, quarter_s / sub_steps)
+    state = on._guess(omega)
+    assert not _Map(parameters, on.stage, on.load_nm, omega, sub_steps, len(state) - 2).settle(state)
+    assert math.pi <= abs(state[3]) < 2.0 * math.pi
 
 
 def test_electronic_damping_stills_the_swing_below_saturation() -> None:

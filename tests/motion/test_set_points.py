@@ -61,6 +61,7 @@ def test_a_tick_falls_on_its_nanosecond() -> None:
     assert [run.count(START + 2 * PERIOD + d) for d in (-1, 0, 1)] == [1, 2, 2]
     assert run.count(0) == 0
     assert run.count(1 << 62) == 3
+    assert [run.next_tick(START + d) for d in (-3 * PERIOD, 0, 1, PERIOD, PERIOD + 1)] == [0, 0, 1, 1, 2]
 
 
 FAST = table([1, 0], [3, -2], [5, -4], [5, -4], [5, -4], [3, -2], [1, 0])

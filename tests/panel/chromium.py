@@ -1,4 +1,4 @@
-"""Where a browser for tests is: on the path, or playwright's own; as a program, sees to it that there is one.
+"""Where browsers for tests are: on the path, or playwright's own Chromium; as a program, sees to it that there are any.
 
 It never fails: where none can be had, the tests that need one are skipped and say so.
 """
@@ -44,15 +44,20 @@ def find_browser() -> str | None:
     return own if Path(own).exists() else None
 
 
+def find_firefox() -> str | None:
+    """Path of Firefox; None if there is none."""
+    return next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
+
+
 def provide() -> None:
-    """See that there is one: playwright's own if it can be downloaded, else, as root, that of the system."""
-    apt = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium"]
+    """See that both are there: playwright's Chromium if it can be downloaded, else, as root, those of the system."""
+    apt = ["apt-get", "install", "-qq", "--yes", "--no-install-recommends", "chromium", "firefox-esr"]
     ways = [[sys.executable, "-m", "playwright", "install", "chromium"]]
     if shutil.which("apt-get") and os.geteuid() == 0:
         ways += [["apt-get", "update", "-qq"], apt]
     for way in ways:
         find_browser.cache_clear()
-        if find_browser() is not None:
+        if find_browser() is not None and find_firefox() is not None:
             return
         print(f"trying: {' '.join(way)}", file=sys.stderr)
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):

@@ -122,6 +122,7 @@ def test_stop_breaks_off_what_moves(bench, browser) -> None:
     assert "a job is running" in page.request(say="@0P")["error"]
     assert "is running" in opened(page)["error"]
     assert "is running" in page.request(job={"start": True})["error"]
+    assert "it is running; allowed: when it is paused or over" in page.request(job={"line": True})["error"]
     assert page.request(job={"stop": True})["ok"]["state"] == "stopped"
     page.until(lambda: page.frame["idle"])
     assert 0 < page.frame["counts"][0] < 64_000

@@ -76,6 +76,21 @@ def test_a_job_held_again_and_again_makes_the_whole_way(controller: str, round_m
     assert len(places) > 3
 
 
+def test_a_job_held_before_its_first_line_is_sent_stops_behind_that_line() -> None:
+    """While time is paused nothing has been sent that could be held."""
+    here, _ = ready("imc-s8")
+    sender, twin = here.sender, here.twin
+    here.pacer.paused = True
+    sender.begin(parse_job(f"{HELD['imc-s8']}@0P\n", twin.language, "imc-s8"))
+    assert sender.hold() == ""
+    assert (sender.state, twin.idle, twin.commands_due) == ("running", True, False)
+    here.pacer.paused = False
+    here.until("paused", "done")
+    assert (sender.state, sender.index, twin.counts[0] * twin.step_mm[0]) == ("paused", 1, 50.0)
+    sender.go_on()
+    here.until("done")
+
+
 def test_stop_forgets_the_vectors_that_are_stored() -> None:
     """An iSMIF has three of them when its job begins. Stopped in the first one, X ends short of it, and the second one,
     which it begins by itself, is broken off within a few rounds: far from its end, and the third is not made."""

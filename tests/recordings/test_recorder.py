@@ -23,3 +23,9 @@ def test_a_full_disk_ends_the_recording_not_the_machine(tmp_path, caplog):
         samples = np.concatenate(list(recorder.samples()))
     assert samples["time_ns"].tolist() == [number * MS for number in range(BUFFER)]
     assert caplog.text.count("the recording ends at 4.095 s") == 1
+
+
+def test_a_closed_recorder_has_let_go_of_its_file():
+    with Recorder(Twin(plant="kinematic"), 1 * MS) as recorder:
+        assert not recorder._file.closed
+    assert recorder._file.closed

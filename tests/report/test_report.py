@@ -146,6 +146,30 @@ def test_verdict_limits_findings_and_commands_are_there(text: str) -> None:
     assert "limit_x1" in page.text
 
 
+def test_findings_are_marked_where_they_are(text: str) -> None:
+    """X to the right and Y upwards, in one scale."""
+    found = re.findall(
+        r"Place of finding \d in the path, X ([\d.]+) mm, Y ([\d.]+) mm.*?<circle cx='([\d.]+)' cy='([\d.]+)'", text
+    )
+    (x0, y0, u0, v0), (x1, y1, u1, v1) = (map(float, one) for one in found)
+    assert (x0, y0, x1, y1) == pytest.approx((25.0, 12.5, 0.0, 0.0), abs=0.1)
+    assert u0 - u1 == pytest.approx(2.0 * (v1 - v0), abs=0.3)
+    assert u0 - u1 > 10.0
+
+
+def test_a_state_is_as_wide_as_it_lasts(text: str) -> None:
+    spans = re.findall(
+        r"<rect [^>]*x='([\d.]+)' [^>]*width='([\d.]+)'[^>]*><title>[^<]* from ([\d.]+) to ([\d.]+) s<", text
+    )
+    told = [tuple(map(float, span)) for span in spans]
+    left, _, begin, _ = min(told, key=lambda span: span[2])
+    right, _, end, _ = max(told, key=lambda span: span[2])
+    px_per_s = (right - left) / (end - begin)
+    for x, width, first_s, last_s in told:
+        assert x == pytest.approx(left + px_per_s * (first_s - begin), abs=0.5)
+        assert width == pytest.approx(max(px_per_s * (last_s - first_s), 0.6), abs=0.5)
+
+
 def test_the_same_job_gives_the_same_page(tmp_path: Path) -> None:
     first, second = (report(tmp_path / f"{name}.html") for name in "ab")
     assert first == second

@@ -107,6 +107,20 @@ def test_faults_hold_a_contact_until_healed() -> None:
     assert box.levels() == {"p": False}
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_worn_contact_chatters_longer_than_any_good_one_and_at_most_20_ms(seed: int) -> None:
+    box = contacts(switch("s", bounce=BOUNCE_MS), seed=seed)
+    box.set_fault("s", "bounce")
+    box.strike("s", True, 5_000)
+    box.advance(5_000)
+    times = []
+    while (t_ns := box.next_ns) is not None:
+        times.append(t_ns - 5_000)
+        box.advance(t_ns)
+    assert 5_000_000 < times[-1] <= 20_000_000
+    assert box.levels() == {"p": False}
+
+
 def test_what_the_machine_lacks_is_left_out() -> None:
     box = contacts(switch("a"), terminals={"both": ("a", "nothing"), "none": ("nothing",)})
     assert box.levels() == {"both": True}

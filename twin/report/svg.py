@@ -6,17 +6,17 @@ from __future__ import annotations
 
 import html
 import math
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from isel_twin.base.printable import shown
+
 WIDTH = 1020  # of the time plots, px
-_CONTROLS = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def escape(text: object) -> str:
-    """Text for a page, with markup escaped and forbidden characters replaced by visible ones."""
-    return html.escape(_CONTROLS.sub("\ufffd", str(text)))
+    """Text for a page, with escapes for markup and for what steers (printable.py)."""
+    return html.escape(shown(str(text)))
 
 
 def tenths(value: float) -> str:

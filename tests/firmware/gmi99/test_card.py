@@ -261,6 +261,20 @@ def test_the_reference_run_fails_at_the_far_switch() -> None:
     assert desk.time_ns < 1.2e9
 
 
+@pytest.mark.parametrize("back", [False, True])
+def test_a_move_ends_at_the_switch_it_goes_towards_and_not_at_the_other(back: bool) -> None:
+    for switch, stops in (("limit_x2", not back), ("limit_x1", back)):
+        desk = prepared(TO_20000)
+        if back:
+            desk.finish()
+            assert desk.tell(command(0x81, 0)) == [OK]
+        while not 2_000 < desk.counts[0] < 18_000:
+            desk.run(0.01)
+        desk.set(switch, "open")
+        desk.finish()
+        assert (desk.counts[0] == (0 if back else 20_000)) != stops
+
+
 def test_a_switch_that_is_never_free_fails_the_reference_run() -> None:
     desk = fresh()
     desk.set("limit_x1", "open")

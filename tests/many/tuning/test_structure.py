@@ -120,6 +120,11 @@ def test_nothing_is_tried_that_something_lesser_has_lost() -> None:
         assert values["speed_hz"] < 12_000 or values["acceleration_hz_per_ms"] < 100
 
 
+def test_a_single_trial_can_be_asked_for_where_only_losses_are_told() -> None:
+    start = Tried(0, PROBLEM.nearest(), Invented(19_000.0, 900.0).stored(PROBLEM.nearest()))
+    assert len(Structure(PROBLEM).chosen([start], 0.0, 1)) == 1
+
+
 def test_where_nothing_holds_it_has_nothing_to_say() -> None:
     lost = Tried(0, PROBLEM.nearest(), Judgement(0.0, 0.0, "lost", slipped=True))
     assert Structure(PROBLEM).chosen([lost], 0.2, 8) == []

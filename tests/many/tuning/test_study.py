@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import optuna
 import pytest
 
 from isel_twin.base.crew import here
@@ -122,6 +123,17 @@ def test_the_same_however_often_it_was_interrupted(after: int, whole: list[Tried
     assert told(second.tried) == told(whole)
     second.run(8)
     assert len(second.tried) == len(whole), "all have been made"
+
+
+def test_optuna_logs_nothing_meanwhile_and_as_before_afterwards(quick: None, caplog: pytest.LogCaptureFixture) -> None:
+    optuna.logging.enable_propagation()
+    before = optuna.logging.get_verbosity()
+    try:
+        Study(problem()).run(2)
+    finally:
+        optuna.logging.disable_propagation()
+    assert caplog.records == []
+    assert optuna.logging.get_verbosity() == before == optuna.logging.INFO
 
 
 def test_it_goes_where_it_is_fast(for_all: list[Tried]) -> None:

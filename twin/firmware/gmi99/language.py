@@ -136,10 +136,12 @@ class Gmi99Language:
         raise LanguageError(f"{text!r} is no command of the card; examples: #1, T1;0, 81h 238, p3;100;0")
 
     def begins(self, data: bytes) -> bool | None:
-        """With a frame of either variant: the switches choose one."""
+        """With a frame to a card, of either variant: the switches choose one. The addresses are bytes that no HTTP
+        request has where a frame has them: its method may be `h~~h`, and any checksum may stand in a header."""
         variants: tuple[link.Variant, ...] = ("E", "S")
         cut = [Receiver(variant, from_host=True).take(data) for variant in variants]
-        if any(pieces and isinstance(pieces[0], Frame) for pieces in cut):
+        firsts = [pieces[0] for pieces in cut if pieces]
+        if any(isinstance(first, Frame) and first.address in link.ADDRESSES for first in firsts):
             return True
         return None if not all(cut) else False
 

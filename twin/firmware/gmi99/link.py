@@ -37,6 +37,7 @@ _CONTROL_OF_HOST = 0x43
 
 FIRST_ADDRESS = 224
 LOADER = 239  # the address at which only the loader listens (2.2): it is silent
+ADDRESSES = range(FIRST_ADDRESS, LOADER + 1)
 
 
 @dataclass(frozen=True)
