@@ -12,13 +12,16 @@ cd "$(mktemp -d)" && trap 'rm -rf "$PWD"' EXIT
 python3 -m venv venv && venv/bin/pip install --quiet --disable-pip-version-check fmpy==0.3.32 pythonfmu3==0.3.4 || exit 3
 
 cat > heard.py <<'PY'
-from pythonfmu3 import Fmi3Causality, Fmi3Slave, Float64
+from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64
 
 
 class Heard(Fmi3Slave):
     def __init__(self, **arguments):
         super().__init__(**arguments)
-        self.told = self.first = -1.0
+        self.told, self.first, self.time = -1.0, -1.0, 0.0
+        self.register_variable(
+            Float64("time", causality=Fmi3Causality.independent, variability=Fmi3Variability.continuous)
+        )
         for name in ("told", "first"):
             self.register_variable(Float64(name, causality=Fmi3Causality.output))
 

@@ -102,8 +102,8 @@ def _write(container: Container, streams: list[Iterator[Message]], epoch_ns: int
     for time_ns, topic, name, content in heapq.merge(*streams, key=lambda message: message[0]):
         if topic not in channels:
             channels[topic] = _channel(container, topic, name)
-        number, encode = channels[topic]
-        container.message(number, epoch_ns + time_ns, encode(content))
+        number, to_bytes = channels[topic]
+        container.message(number, epoch_ns + time_ns, to_bytes(content))
         if container.waiting >= CHUNK_BYTES:
             container.flush()
 
@@ -111,8 +111,8 @@ def _write(container: Container, streams: list[Iterator[Message]], epoch_ns: int
 def _channel(container: Container, topic: str, name: str) -> tuple[int, Callable[[Mapping[str, Any]], bytes]]:
     """A new channel for messages of this schema, and their encoder."""
     if name in SCHEMAS and has_schemas():
-        described, encode = definition(name.removeprefix("foxglove."))
-        return container.channel(topic, "protobuf", (name, "protobuf", described)), encode
+        described, to_bytes = definition(name.removeprefix("foxglove."))
+        return container.channel(topic, "protobuf", (name, "protobuf", described)), to_bytes
     text = json.dumps({"title": name, **SCHEMAS.get(name, _table())}).encode()
     return container.channel(topic, "json", (name, "jsonschema", text)), lambda content: _JSON.encode(content).encode()
 
