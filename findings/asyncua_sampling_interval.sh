@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# asyncua's server agrees to a sampling interval, and sends every change.
+# asyncua's server answers Good to a sampling interval, and sends every change.
 #
 # Guess: a client that asks for a sampling interval of 1 s is told of at most one change in each second, or is told in the
 #        answer (RevisedSamplingInterval) that it gets another.
