@@ -14,7 +14,8 @@ WITNESSES, UNTRIED = TABLE.split("Not tried, and named")
 PROGRAMS = re.findall(
     r"\S+",
     """
-    Altium Autodesk com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam FlatCAM FMPy Foxglove FreeCAD
+    Altium Autodesk com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam FlatCAM FMPy fmucontainer fmuloader
+    Foxglove FreeCAD
     Fusion gerbv GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad
     Klipper Lichtblick LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd
     pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pyvcd Rerun Robot rs274 Saleae
