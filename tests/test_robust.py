@@ -158,7 +158,7 @@ def test_electronic_damping_is_drawn_where_a_stage_has_it(says: str, tmp_path: P
 
 
 def test_a_decay_that_nobody_has_said_is_drawn_the_same_on_all_axes() -> None:
-    """Of 400: fast 40 %, mixed 40 % with 0.1 to 0.6, slow 20 %, each within four standard deviations."""
+    """Of 400: fast 40 %, mixed 60 % with 0.3 to 0.9, within four standard deviations."""
     machine = load_machine("4030")
     shares = []
     for number in range(1, 401):
@@ -169,8 +169,7 @@ def test_a_decay_that_nobody_has_said_is_drawn_the_same_on_all_axes() -> None:
             assert drawn == {factors["axes.x.stage.kind"]}
         shares.append(factors["axes.x.stage.kind"])
     assert sum(share == 1.0 for share in shares) == pytest.approx(160, abs=40)
-    assert sum(share == 0.0 for share in shares) == pytest.approx(80, abs=32)
-    assert all(0.1 <= share <= 0.6 for share in shares if share not in (0.0, 1.0))
+    assert all(0.3 <= share <= 0.9 for share in shares if share != 1.0)
 
 
 @pytest.mark.parametrize("grade", ["", "datasheet", "measured", "setting", "estimate"])
@@ -182,7 +181,7 @@ def test_a_decay_that_a_sheet_names_is_not_drawn(grade: str, tmp_path: Path) -> 
     )
     machine = load_machine(tmp_path)
     kinds = {robust.perturbation(machine, 0, n)[2].get("axes.x.stage.kind") for n in range(1, 30)}
-    assert kinds == ({"fast", "mixed", "slow"} if grade == "estimate" else {None})
+    assert kinds == ({"fast", "mixed"} if grade == "estimate" else {None})
     (row,) = (one for one in describe(machine) if one.parameter == "axes.all.stage.kind")
     assert (row.value, row.grade) == ("mixed", grade or "setting")
 

@@ -452,7 +452,7 @@ def _not_up_to(edge: Edge) -> str:
 def _changed(name: str, factor: float) -> str:
     """A drawn number in words; the decay of the stages, which is one on all axes, by its name."""
     if name.endswith(".stage.kind"):
-        return f"stages with {'slow' if factor == 0.0 else 'fast' if factor == 1.0 else 'mixed'} decay"
+        return "stages with fast decay" if factor == 1.0 else f"stages with mixed decay, {factor:.0%} of it fast"
     return f"{name} {100.0 * (factor - 1.0):+.0f} %"
 
 

@@ -109,8 +109,8 @@ LAWS: Mapping[str, Law] = {
     "masses": _normal(0.05),
     "payload": Law("uniform", low=0.9, high=1.1),
 }
-DECAYS = (("fast", 0.4), ("mixed", 0.4), ("slow", 0.2))  # kinds of stages of a grade `estimate`, and how many are so
-MIXED_DECAY = Law("uniform", low=0.1, high=0.6, absolute=True)  # of driver ICs
+DECAYS = (("fast", 0.4), ("mixed", 0.6))  # kinds of stages of a grade `estimate`, and how many are so (jobs/19)
+MIXED_DECAY = Law("uniform", low=0.3, high=0.9, absolute=True)
 SHEET = frozenset(
     {"stage.current", "efficiency"}
     | {f"specimen.{name}" for name in ("resistance", "inductance", "torque_constant", "rotor_inertia", "supply_factor")}

@@ -18,6 +18,11 @@ SAFE = {"speed_hz": 6000, "acceleration_hz_per_ms": 60, "start_stop_hz": 200}
 BRAVE = {"speed_hz": 40_000, "acceleration_hz_per_ms": 4000, "start_stop_hz": 4000}
 
 
+def call(**words: object) -> TwinSpec:
+    """The spec of a machine whose stages are known."""
+    return TwinSpec(**words).with_(overrides={"axes.all.stage.kind": "fast", **words.get("overrides", {})})
+
+
 def problem(**words: object) -> Problem:
-    """Of a machine whose stages are known."""
-    return Problem(TEXT, **{"repetitions": 1, "call": TwinSpec(overrides={"axes.all.stage.kind": "fast"}), **words})
+    """The small job on such a machine."""
+    return Problem(TEXT, **{"repetitions": 1, "call": call(), **words})

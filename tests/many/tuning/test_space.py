@@ -8,7 +8,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.language import MoveSettings
 from isel_twin.many.tuning import Problem
 
-from .small import SAFE, TEXT, problem
+from .small import SAFE, TEXT, call, problem
 
 
 def test_the_whole_job_has_three_parameters_within_what_the_controller_takes() -> None:
@@ -99,10 +99,10 @@ def test_a_study_knows_what_its_results_depend_on() -> None:
     one = problem().about()
     assert one == problem().about()
     for words, key in (
-        ({"call": TwinSpec(seed=1)}, "seed"),
-        ({"call": TwinSpec(machine="4030-portal")}, "machine"),
-        ({"call": TwinSpec(overrides={"payload.mass": 8.0})}, "machine"),
-        ({"call": TwinSpec(controller="imc-m")}, "controller"),
+        ({"call": call(seed=1)}, "seed"),
+        ({"call": call(machine="4030-portal")}, "machine"),
+        ({"call": call(overrides={"payload.mass": 8.0})}, "machine"),
+        ({"call": call(controller="imc-m")}, "controller"),
         ({"repetitions": 2}, "number of repetitions"),
         ({"each_move": True}, "choice of parameters"),
         ({"flash": b"x"}, "flash memory"),

@@ -214,14 +214,14 @@ def test_another_job_machine_or_seed_is_refused(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'tune.db'}"
     Study(problem(), url)
     for words, what in (
-        ({"call": TwinSpec(machine="4030-portal")}, "machine"),
-        ({"call": TwinSpec(controller="imc-m", seed=2)}, "controller, another seed"),
+        ({"call": call(machine="4030-portal")}, "machine"),
+        ({"call": call(controller="imc-m", seed=2)}, "controller, another seed"),
     ):
         with pytest.raises(StudyError, match=rf"tune\.db: study 'tune' is of another {what}; choose another name or"):
             Study(problem(**words), url)
     with pytest.raises(StudyError, match=r"of another seed of the study"):
         Study(problem(), url, seed=1)
-    Study(problem(call=TwinSpec(machine="4030-portal")), url, "other")
+    Study(problem(call=call(machine="4030-portal")), url, "other")
 
 
 def test_a_storage_that_is_none_is_told_in_a_line(tmp_path: Path) -> None:
