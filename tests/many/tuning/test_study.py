@@ -20,7 +20,7 @@ from isel_twin.many.tuning.judge import Made
 from isel_twin.many.tuning.result import PUT_TOGETHER, Held, Tried, front
 from isel_twin.many.tuning.study import Study, StudyError
 
-from .small import problem
+from .small import call, problem
 
 pytestmark = pytest.mark.long(seconds=6)
 
