@@ -66,13 +66,17 @@ def main() -> int:
         wrong, rows = 0, []
         drawn = SHORT if call.record else dict.fromkeys(range(call.first, call.first + call.number), 7)
         for seed, most in drawn.items():
-            rows.append(heard(part(seed, most), Path(folder)))
-            for why in verdicts(rows[-1]):
-                wrong += 1
+            try:
+                rows.append(heard(part(seed, most), Path(folder)))
+                found = list(verdicts(rows[-1]))
+            except ValueError as error:
+                found = [f"refused: {error}"]
+            wrong += len(found)
+            for why in found:
                 print(f"seed {seed}: {why}", flush=True)
     if call.record:
         RECORDED.write_text("[\n" + ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows) + "\n]\n")
-    print(f"{len(rows)} parts, {wrong} readings differ; not here: {', '.join(missing) or 'none'}")
+    print(f"{len(drawn)} parts, {wrong} readings differ; not here: {', '.join(missing) or 'none'}")
     return 1 if wrong else 0
 
 

@@ -64,11 +64,11 @@ def _moves(move: Move, before: Move) -> bool:
 
 
 def program(part: str) -> str:
-    """The program of a BWO 900, in the words of RS274: without its own number, parameter, exact stops and zeros that
-    are off; centres of arcs are absolute."""
+    """The program of a BWO 900, in the words of RS274: without its own number, parameter, dwells and zeros that are
+    off; centres of arcs are absolute."""
     path = reader_named("gcode").read(part.splitlines(), SETTINGS)
     lines = texts(lines_of("bwo900", path, SETTINGS))
-    own = re.compile(r"G53 |G04\.0\.000|P8816:\d+|^P1$|^#$|;.*")
+    own = re.compile(r"G53 |G04\.\d+\.\d+|P8816:\d+|^P1$|^#$|;.*")
     return "\n".join(["G21 G90.1", *(own.sub("", line) for line in lines), ""])
 
 
