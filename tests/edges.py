@@ -84,8 +84,8 @@ def _lost(spec: TwinSpec, lines: Sequence[Line], told: edge.Edge, share: float, 
     """On how many seeds the axis loses steps at this share of its edge."""
     assert told.factor is not None
     factor = told.factor * share if told.factor > 1.0 else told.factor / share
-    losers = (edge.losers(spec, lines, told.quantity, (told.axis,), factor, seed) for seed in seeds)
-    return sum(told.axis in lost for lost in losers)
+    made = (edge.tried(spec, lines, told.quantity, (told.axis,), factor, seed) for seed in seeds)
+    return sum(told.axis in trial.lost for trial in made)
 
 
 def _case(work: tuple[str, str, float]) -> list[str]:

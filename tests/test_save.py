@@ -138,6 +138,7 @@ flutes = 2
 depth = 1.0
 width = 6.0
 spindle = 12000
+stickout = 40
 kc = { value = 700, unit = "N/mm2", grade = "estimate", source = "wax" }
 [[event]]
 at = 0.4

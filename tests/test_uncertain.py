@@ -14,6 +14,7 @@ from isel_twin.base.parameters import FileError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs import robust, uncertain
+from isel_twin.jobs.blame import contributions
 from isel_twin.jobs.checks.findings import repeated
 from isel_twin.jobs.checks.rules import Bounds
 from isel_twin.jobs.job import parse_job
@@ -152,7 +153,8 @@ def test_a_lead_error_is_drawn_only_where_it_has_an_effect() -> None:
     assert "axes.x.lead_error" not in robust.perturbation(machine, 0, 1, "known")[1]
     real = with_overrides(machine, {"imperfections": "real"})
     errors = 0.046 * drawn(real, 200)["axes.x.lead_error"]
-    assert ((errors > -0.054) & (errors < 0.146)).mean() == pytest.approx(0.95, abs=0.06)
+    assert ((errors > 0.046 - 0.25) & (errors < 0.046 + 0.25)).mean() == pytest.approx(0.95, abs=0.06)
+    assert np.abs(errors).max() > 0.22, "a router with screws sold as C7 was that much off"
 
 
 def test_a_machine_that_may_be_stiffer_has_the_step_it_needs_and_stands_where_this_one_does() -> None:
@@ -208,17 +210,17 @@ def test_what_contributes_is_named_and_chance_is_not() -> None:
     draw = np.random.default_rng(3)
     rows = [{f"n{k}": draw.normal() for k in range(60)} | {"a": draw.normal(), "b": draw.normal()} for _ in range(100)]
     outcome = [row["a"] + 0.8 * row["b"] + 0.05 * draw.normal() for row in rows]
-    (first, share), (second, rest) = uncertain.contributions(rows, outcome)
+    (first, share), (second, rest) = contributions(rows, outcome)
     assert (first, second) == ("a", "b")
     assert (share, rest) == (pytest.approx(0.61, abs=0.15), pytest.approx(0.39, abs=0.15))
-    named = sum(bool(uncertain.contributions(rows, draw.normal(size=100).tolist())) for _ in range(40))
+    named = sum(bool(contributions(rows, draw.normal(size=100).tolist())) for _ in range(40))
     assert named <= 7  # 2 of 40 expected
-    assert uncertain.contributions(rows, [1.0] * 100) == ()
+    assert contributions(rows, [1.0] * 100) == ()
 
 
 def test_what_is_drawn_as_one_for_all_axes_is_one_number() -> None:
     rows = [{f"axes.{axis}.stage.supply": 0.1 * n for axis in "xyz"} | {"masses.portal": 1.0} for n in range(9)]
-    found = uncertain.contributions(rows, [float(n) for n in range(9)])
+    found = contributions(rows, [float(n) for n in range(9)])
     assert found == (("axes.all.stage.supply", pytest.approx(1.0)),)
 
 

@@ -60,6 +60,7 @@ WELL = Verdict(
     time_ns=4_500_000_000,
     machine="4030",
     margin=(0.71, 0.9, 0.93, None),
+    margin_band=((0.66, 0.75), (0.89, 0.91), (0.92, 0.94), None),
 )
 
 
@@ -118,6 +119,7 @@ def test_the_summary_has_the_keys_of_the_json_line_in_their_order() -> None:
         ("events_after_end", 0),
         ("events_without_effect", 0),
         ("margin", [0.71, 0.9, 0.93, None]),
+        ("margin_band", [[0.66, 0.75], [0.89, 0.91], [0.92, 0.94], None]),
         ("edge", {}),
         ("halfway", [False, False, False, False]),
         ("expectations", 0),

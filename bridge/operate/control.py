@@ -38,7 +38,7 @@ from isel_twin.bridge.operate.said import KINDS, Messages
 from isel_twin.bridge.serve.pacing import HIGHEST_SPEED, LOWEST_SPEED
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from isel_twin.jobs.sending import MOST_EDGE
+from isel_twin.jobs.sending import MOST_EDGE, margins
 from isel_twin.wiring import ACTS, EVENT_KEYS, event_now
 
 Answer = dict[str, Any]
@@ -214,7 +214,7 @@ class Operator:
         self._mind()
 
     def state(self) -> Answer:
-        twin = self._twin
+        twin, least = self._twin, margins(self._twin)
         return self._now() | {
             "machine": twin.machine.name,
             "seed": twin.origin.seed,
@@ -237,7 +237,8 @@ class Operator:
             "drive_faults": [list(fault) for fault in twin.drive_faults],
             "edge": [round(edge, 3) if edge < MOST_EDGE else None for edge in twin.speed_edge.tolist()],
             "margin_since_s": twin.margin_since_ns / SECOND_NS,
-            "margin": [None if math.isnan(margin) else margin for margin in twin.margin.tolist()],
+            "margin": list(least["margin"]),
+            "margin_band": [ends and list(ends) for ends in least["margin_band"]],
             "inputs": dict(twin.inputs),
             "outputs": dict(twin.outputs),
             "keys": dict(twin.key_values),

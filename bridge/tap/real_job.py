@@ -130,7 +130,7 @@ class RealVerdict:
     controller: str
     unsent: int
     interrupted: bool
-    least_margin = None
+    margin_told = ""
     line_told = ""  # the time of the line is in that of the job
 
     def summary(self) -> dict[str, Any]:
@@ -238,7 +238,9 @@ def _sent(line: Line, real: RealController, timeout_s: float, stop: Stop) -> Res
         ok = complete and real.language.accepted(line.sent, reply)
         why = "" if ok else "interrupted" if stop() else real.why
     expected = None if line.expected is None else line.expected.text
-    return Result(line.number, line.command, text, ok, begin_ns, end_ns, (), (), (), (), complete, expected, why)
+    return Result(
+        line.number, line.command, text, ok, begin_ns, end_ns, (), (), complete=complete, expected=expected, why=why
+    )
 
 
 def _told(real: RealController, line: Line) -> Mapping[int, int]:

@@ -45,7 +45,9 @@ FOREIGN = {
     "a socket": b"GET /chat HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n",
     "HTTP/2": b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
     "https": bytes.fromhex("1603010200010001fc0303") + BODY,
-    "a greeting like TLS, by WebRTC": bytes.fromhex("80460103010 02d000000100100800300800700c0060040020080".replace(" ", "")),
+    "a greeting like TLS, by WebRTC": bytes.fromhex(
+        "80460103010 02d000000100100800300800700c0060040020080".replace(" ", "")
+    ),
     "STUN": STUN,
     "framed STUN": b"\x00\x14" + STUN,
     "a longer frame": b"\x01\x14" + STUN + BODY,

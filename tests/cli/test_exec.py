@@ -66,7 +66,10 @@ def test_the_verdict_follows_in_one_line(host):
     assert (done.returncode, done.stdout) == (0, "")
     last = done.stderr.splitlines()[-1]  # before it there may be a word about compiling
     assert "all well as far as simulated; lost steps, margins and loads were not simulated" in last
-    assert "; no end switch struck; at X 10.000, Y 0.000, Z 0.000 mm" in last
+    meanwhile = "(meanwhile: limit_x1, limit_y1, limit_z1)"
+    assert f"; no end switch struck at the end {meanwhile}; at X 10.000, Y 0.000, Z 0.000 mm" in last
+    plain = execute("--", "python3", host("import serial\nserial.Serial('COM4', 19200).write(b'@07\\r')\n"))
+    assert "; no end switch struck; at X " in plain.stderr.splitlines()[-1]
 
 
 def test_lost_steps_are_exit_1_if_asked_for(host):

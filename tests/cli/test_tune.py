@@ -29,7 +29,8 @@ SMALL = ("--trials", "12", "--robust", "1", "--confirm", "3", "--acceleration", 
 
 @pytest.fixture(scope="module")
 def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=COARSE)
+    """Its stages are known: one repetition says nothing of others."""
+    return near_switches(tmp_path_factory.mktemp("near"), 2.0, more=f'{COARSE}[axes.all.stage]\nkind = "fast"\n')
 
 
 @pytest.fixture
@@ -57,6 +58,7 @@ def test_a_setting_is_judged_on_what_this_machine_may_be(tune: Any, tmp_path: Pa
     *_, trial, summary = map(json.loads, out.splitlines())
     assert code == 0
     assert trial["repetitions"] == 3  # as it is, and twice as it may be
+    assert 0.0 < trial["torque"][1] < trial["torque"][0] < 1.0, "and with motors as weak as their bands say"
     time, margin = summary["uncertain"]
     assert (time["what"], margin["what"]) == ("time", "margin")
     assert margin["low"] < margin["high"]
@@ -69,6 +71,7 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
     code, out, err = tune("tune", "job.txt", *SMALL, "--picture", "front.svg")
     assert (code, err) == (0, "")
     assert "3 new machines" in out
+    assert " % where motors are as weak as their bands say" in out
     assert "to keep its ramps in the controller, send: @0IL  @0Ij300  @0IJ" in out
     assert (tmp_path / "front.svg").read_text().startswith("<?xml")
     assert {path.name for path in tmp_path.iterdir()} == {

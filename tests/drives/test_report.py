@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -21,6 +23,36 @@ def test_the_table_puts_bench_and_closed_form_side_by_side() -> None:
     assert point.pull_out_nm == pull_out_torque(motor, stage, 360)
     assert point.predicted_nm == pull_out_prediction(motor, stage, 360)
     assert point.envelope_nm == pull_out_envelope(motor, stage, 360)
+
+
+def test_no_torque_is_printed_without_its_band(capsys: pytest.CaptureFixture[str]) -> None:
+    """Far beyond what was compared, too; and so is what follows from the torque."""
+    show_motor("34HS59-6004D", Stage(24.0, 8.5))
+    out = capsys.readouterr().out
+    rows = [line.replace("~", " ").split() for line in out.splitlines() if line.endswith("|")]
+    assert [float(row[0]) for row in rows][-1] == 1000
+    for _, pull_out, least, most, predicted, *_ in rows:
+        assert float(least) <= min(float(pull_out), float(predicted))
+        assert float(most) >= max(float(pull_out), float(predicted))
+        assert float(most) > float(least)
+    assert re.search(r"up to \d+ steps/s of this stage \(\d+ to \d+; ", out)
+    assert re.search(r"resonance, unloaded: \d+ Hz \(\d+ to \d+\)", out)
+    assert re.search(r"beyond \d+ rev/min nobody compared", out)
+
+
+def test_as_json_each_point_has_the_ends_and_what_they_are_off(capsys: pytest.CaptureFixture[str]) -> None:
+    show_motor("23HS32-4004S", json=True)
+    point = json.loads(capsys.readouterr().out)["curve"][0]
+    torque, least, most = (point[key] for key in ("pull_out_nm", "least_nm", "most_nm"))
+    assert least < torque < most
+    assert point["band"] == pytest.approx(max(most / torque - 1.0, 1.0 - least / torque))
+
+
+def test_in_full_step_the_makers_limit_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """QSH6018 manual: 228.9 rev/min at 24 V and 2.8 A."""
+    show_motor("QSH6018-65-28-210", Stage(24.0, 2.8, 1))
+    (limit,) = re.findall(r"limits of two motors would be (\d+) rev/min", capsys.readouterr().out)
+    assert float(limit) == pytest.approx(228.9, rel=0.03)
 
 
 def test_a_motor_is_shown_on_the_stage_asked_for(capsys: pytest.CaptureFixture[str]) -> None:

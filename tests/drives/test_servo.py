@@ -327,6 +327,9 @@ def test_its_torque_curve_by_hand():
     table = servo_table(MOTOR, DRIVE, rpm)
     assert [point.peak_nm for point in table] == pytest.approx([1.2, 1.2, 0.625, 0.125, 0.0, 0.0], abs=1e-9)
     assert [point.rated_nm for point in table] == pytest.approx([0.4, 0.4, 0.4, 0.125, 0.0, 0.0], abs=1e-9)
+    assert table[0].peak_band_nm == pytest.approx((0.92 * 1.2, 1.08 * 1.2)), "K as makers spread it"
+    assert all(p.peak_band_nm[0] <= p.peak_nm <= p.peak_band_nm[1] for p in table)
+    assert all(p.rated_band_nm[0] <= p.rated_nm <= p.rated_band_nm[1] < 0.44 for p in table)
 
 
 def test_the_command_line_shows_an_axis(capsys):
@@ -334,5 +337,6 @@ def test_the_command_line_shows_an_axis(capsys):
     assert motor_command("y", machine="4030-servo") == 0
     shown = capsys.readouterr().out
     assert "servo motor of 4030-servo, axis y at 60 V, 4 A, 12 A peak" in shown
+    assert "1.200 (1.104 to 1.296)      0.400 (0.368 to 0.432)" in shown
     assert "peak torque up to 4813 rpm, for 0.47 s from cold; rated torque up to 5424 rpm" in shown
     assert "lags by 2500 increments at 100 mm/s; at its limit of 4000 at 160 mm/s" in shown

@@ -25,10 +25,11 @@ from isel_twin.core.twin import Twin
 from isel_twin.firmware.imc import commands as imc
 from isel_twin.firmware.imc.grammar import AXES_CODE
 from isel_twin.firmware.ismif.commands import COMMANDS, CommandError, parse
+from isel_twin.machine import Contact
 from isel_twin.motion.step_run import StepRun
 from isel_twin.plant.built import find_free
 from isel_twin.plant.kinematic import KinematicPlant
-from isel_twin.wiring import FAULTS, SerialLine, Wiring
+from isel_twin.wiring import FAULTS, SerialLine, TripPoints, Wiring
 from isel_twin.wiring.cabinet import ELEMENTS, SafetyCabinet
 from isel_twin.wiring.contacts import Contacts
 from tests.thorough import drawn
@@ -86,7 +87,7 @@ def _draw_at_each_call(patch: Patch) -> None:
     run_until = Twin.run_until
 
     def drawing(self: Twin, *args: Any) -> None:
-        self._wiring._trips.random()
+        self._wiring._trips._random.random()
         run_until(self, *args)
 
     patch.setattr(Twin, "run_until", drawing)
@@ -100,12 +101,10 @@ def _uncut(patch: Patch) -> None:
 def _far_trip_point(patch: Patch) -> None:
     """A switch that has been released trips 1.5 mm further on."""
 
-    def far(self: Wiring, number: int) -> None:
-        switch = self._switches[number]
-        sense = -1 if switch.end == "motor" else 1
-        self.plant.set_trip_point(number, switch.position_mm + 1.5 * sense)
+    def far(_: TripPoints, __: int, switch: Contact) -> float:
+        return switch.position_mm + 1.5 * (-1 if switch.end == "motor" else 1)
 
-    patch.setattr(Wiring, "_draw_trip_point", far)
+    patch.setattr(TripPoints, "next_of", far)
 
 
 def _deaf_contact(patch: Patch) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from isel_twin.jobs.uncertain import Band, bands, contributions
+from isel_twin.jobs.blame import contributions
+from isel_twin.jobs.uncertain import Band, bands
 
 TEN = tuple(range(1, 11))
 
@@ -70,8 +71,9 @@ def test_two_are_named_the_greater_part_first() -> None:
 # Bands ---
 
 
-def verdict(cycle_s: float, margin: float | None = None, edge: float | None = None) -> Any:
-    return SimpleNamespace(cycle_s=cycle_s, least_margin=margin, least_edge=None if edge is None else (edge, 7.0))
+def verdict(cycle_s: float, margin: float | None = None, edge: float | None = None, part: str = "") -> Any:
+    least = None if edge is None else (edge, 7.0)
+    return SimpleNamespace(cycle_s=cycle_s, least_margin=margin, least_edge=least, part=part)
 
 
 def trial(places_mm: Sequence[tuple[float, ...]] = (), outcome: Any = None) -> Any:
@@ -88,6 +90,8 @@ def test_margin_and_edge_are_of_the_repetitions_that_have_them() -> None:
     assert (found["time"].low, found["time"].value, found["time"].high) == (9.0, 10.0, 12.0)
     assert (found["margin"].low, found["margin"].value, found["margin"].high) == (0.1, 0.2, 0.3)
     assert "edge" not in found  # one is no band
+    refused = [*trials, trial(outcome=verdict(1.0, 0.9, 5.0, part="1 refused"))]
+    assert bands(verdict(10.0, 0.2, 0.9), [], refused) == bands(verdict(10.0, 0.2, 0.9), [], trials)
     both = [trial(outcome=verdict(9.0, 0.3, 0.7)), trials[2]]
     assert {one.what: (one.low, one.value, one.high) for one in bands(verdict(10.0, 0.2, 0.9), [], both)}["edge"] == (
         0.7,

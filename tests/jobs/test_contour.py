@@ -167,6 +167,34 @@ def test_four_controllers_make_lines_and_corners_within_20_um_with_physics(contr
     assert max(off_mm.values(), default=0.02) < 0.05
 
 
+BITE = """
+[[event]]
+at = 0.0
+[event.cut]
+diameter = 3.0
+flutes = 2
+depth = 0.5
+width = 3.0
+spindle = 18000
+kc = {{ value = 2400, unit = "N/mm2", grade = "estimate", source = "a blunt tool" }}
+stickout = {stickout}
+"""
+
+
+def test_a_thin_tool_bends_off_the_path(tmp_path: Path) -> None:
+    """A slot in line 5, 20 mm/s: N a kc f / 4 = 20 N across give 20 x (1.203 + 1/20) = 25 um at the tool, with the
+    holder of 20 N/um, and 20 x (1/5 + 1/8) = 6.5 um of frame, which also swings."""
+    part = "G21 G90 G17\nG0 Z5\nG0 X20 Y20\nG1 Z-1 F600\nG1 X60 F1200\nG0 Z5\nM30\n"
+    off_mm = {}
+    for stickout in (0, 20):
+        (tmp_path / "cut.toml").write_text(BITE.format(stickout=stickout))
+        options = ("--contour-mm", "0.001", "--set", "axes.all.backlash=0", "--scenario", str(tmp_path / "cut.toml"))
+        found = findings(tmp_path, "imc-s8", *options, part=part)
+        off_mm[stickout] = next(float(one["message"].split()[0]) for one in found if one["line"] == 5)
+    assert 0.005 < off_mm[0] < 0.02
+    assert off_mm[20] - off_mm[0] == pytest.approx(0.025, abs=0.004)
+
+
 def test_a_servo_that_follows_rounds_the_corner_of_a_program(tmp_path: Path) -> None:
     """It follows by 25 ms: from the plunge of line 4 into line 5, into the arc and out of it there are right angles,
     which are exact stops unless the settings say that they need not be."""

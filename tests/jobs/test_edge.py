@@ -100,9 +100,10 @@ def test_steps_that_a_reference_run_hides_are_lost() -> None:
     """At 30 000 Hz the way is lost, and the carriage is at its reference again at the end."""
     text = LONG.format(hz=20_000) + "@0R7\n"
     lines = parse_job(text, create_language("imc-s8"), "imc-s8")
-    assert edge.losers(TwinSpec(), lines, "speed", ("x",), 1.5, seed=0) == {"x": 4}
-    assert edge.losers(TwinSpec(), lines, "speed", ("x", "y"), 1.5, seed=0) == {"x": 4}  # played to its end
-    assert edge.losers(TwinSpec(), lines, "speed", ("x",), 1.0, seed=0) == {}
+    assert edge.tried(TwinSpec(), lines, "speed", ("x",), 1.5, seed=0).lost == {"x": 4}
+    assert edge.tried(TwinSpec(), lines, "speed", ("x", "y"), 1.5, seed=0).lost == {"x": 4}  # played to its end
+    made = edge.tried(TwinSpec(), lines, "speed", ("x",), 1.0, seed=0)
+    assert (made.lost, made.ends) == ({}, "")
 
 
 @pytest.mark.parametrize("earlier", [1.45, 1.37])
@@ -128,7 +129,7 @@ def test_a_job_is_over_when_every_axis_that_is_asked_for_has_lost(monkeypatch: p
     seen = edge._Losses(SimpleNamespace(), ("x", "y"))  # type: ignore[arg-type]
     over = []
     for number in (3, 4, 5, 6):
-        seen.take(SimpleNamespace(number=number))  # type: ignore[arg-type]
+        seen.take(SimpleNamespace(number=number, complete=True, ok=True))  # type: ignore[arg-type]
         over.append(seen.stop())
     assert (seen.lines, over) == ({"y": 4, "x": 5}, [False, False, True, True])
 
@@ -163,11 +164,11 @@ def test_a_faster_job_keeps_its_lines_and_what_they_expect() -> None:
 def test_an_edge_is_told_with_its_band_and_the_first_line_that_loses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every seed loses from 1.46 on and in a band about 1.39 that the scan passes over, in lines 9, 8 and 7."""
 
-    def losers(_: TwinSpec, __: Any, ___: str, axes: tuple[str, ...], factor: float, seed: int, ____: float) -> Any:
+    def tried(_: TwinSpec, __: Any, ___: str, axes: tuple[str, ...], factor: float, seed: int, ____: float) -> Any:
         lost = 1.38 <= factor <= 1.40 or factor >= 1.46
-        return dict.fromkeys(axes, 9 - seed) if lost else {}
+        return edge.Trial(dict.fromkeys(axes, 9 - seed) if lost else {})
 
-    monkeypatch.setattr(edge, "losers", losers)
+    monkeypatch.setattr(edge, "tried", tried)
     (found,) = edge._found(TwinSpec(), [], 60.0, (0, 1, 2), edge._Search("speed", ("x",)))
     assert found.factor is not None
     assert found.factor == pytest.approx(1.39, abs=0.02)
@@ -248,13 +249,13 @@ def test_each_edge_is_the_first_loss_of_three_seeds(monkeypatch: pytest.MonkeyPa
     first = {"speed": 1.5, "supply": 0.6, "inductance": 2.0, "load": 4.0}
     asked: set[int] = set()
 
-    def losers(_: TwinSpec, __: Any, quantity: str, axes: tuple[str, ...], factor: float, seed: int, ___: float) -> Any:
+    def tried(_: TwinSpec, __: Any, quantity: str, axes: tuple[str, ...], factor: float, seed: int, ___: float) -> Any:
         asked.add(seed)
         sign = -1 if quantity == "supply" else 1
         beyond = (factor / first[quantity] * (0.93**-sign if seed == 1009 else 1.0)) ** sign >= 1.0
-        return dict.fromkeys(axes, seed - 1000) if beyond else {}
+        return edge.Trial(dict.fromkeys(axes, seed - 1000) if beyond else {})
 
-    monkeypatch.setattr(edge, "losers", losers)
+    monkeypatch.setattr(edge, "tried", tried)
     lines = parse_job("@07\n@0N7\n@0J200\n@0A0,30,64000,15000,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
     verdict = verdict_of(8000)
     moved = [axis for axis, found in zip("xyz", verdict.edge, strict=False) if found]
@@ -267,17 +268,19 @@ def test_each_edge_is_the_first_loss_of_three_seeds(monkeypatch: pytest.MonkeyPa
         nearest = first[each.quantity] * (0.952 if each.quantity != "supply" else 1.0 / 0.952)
         assert each.factor == pytest.approx(nearest, rel=0.01), each
         assert each.line in (5, 9)
-    monkeypatch.setattr(edge, "losers", lambda *_: {})
+    monkeypatch.setattr(edge, "tried", lambda *asked: edge.Trial({}, moving_ns=round(1e9 / asked[4])))
     none = list(edge.edges(TwinSpec(plant="kinematic", seed=1005), lines, verdict, timeout_s=60.0))
     assert [(each.quantity, each.axis) for each in none] == expected
-    assert {(each.factor, each.line, each.closed_loop) for each in none} == {(None, None, False)}
+    assert {(each.factor, each.line, each.closed_loop, each.seeds) for each in none} == {(None, None, False, 3)}
+    farthest = {(each.tried, each.ends) for each in none if each.quantity != "inductance"}
+    assert farthest == {(3.0, ""), (0.3, ""), (10.0, "")}
 
 
 def test_a_rotor_that_rests_halfway_has_lost_in_the_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = parse_job(LONG.format(hz=8000), create_language("imc-s8"), "imc-s8")
     halfway = SimpleNamespace(verdict=SimpleNamespace(halfway=(False, True, False, False)))
     monkeypatch.setattr(edge, "played", lambda *_, **__: halfway)
-    assert edge.losers(TwinSpec(plant="kinematic"), lines, "speed", ("x",), 1.0, seed=0) == {"y": 4}
+    assert edge.tried(TwinSpec(plant="kinematic"), lines, "speed", ("x",), 1.0, seed=0).lost == {"y": 4}
 
 
 def test_a_seed_that_loses_steps_is_a_loss_and_not_passed_over() -> None:
@@ -380,19 +383,57 @@ def test_the_edge_of_a_servo_axis_is_where_its_drive_switches_itself_off(
     machine = near_switches(tmp_path, 2.0, "4030-servo")
     done = isel_twin("run", job, "--controller", controller, "--machine", machine, "--edge", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    edge = json.loads(done.stdout.splitlines()[-1])["edge"]
+    last = json.loads(done.stdout.splitlines()[-1])
+    edge = last["edge"]
     if controller == "bwo900":
-        assert edge == {}
+        assert edge == {axis: {"speed": None} for axis in "xyz"}
+        assert last["edge_tested"]["x"]["speed"] == {
+            "to": pytest.approx(1.2, rel=0.07), "ends": "no move is any faster"
+        }  # fmt: skip
     else:
-        assert edge == {"x": {"speed": pytest.approx(1.6, rel=0.03)}}
+        assert edge["x"] == {"speed": pytest.approx(1.6, rel=0.03)}
 
 
 def test_a_factor_beyond_the_range_of_a_number_loses_that_trial_alone() -> None:
     """The inductance of a specimen ends at 5 times that of its sheet; beyond, nothing is known to be lost."""
     call = TwinSpec("4030", "imc-s8", "mujoco", overrides={"axes.x.specimen.inductance": 4.9})
     lines = parse_job("@07\n@0N7\n@0A800,800,0,30,0,30,0,30\n", create_language("imc-s8"), "imc-s8")
-    assert edge.losers(call, lines, "inductance", ("x",), 1.1, 0) == {}
+    assert edge.tried(call, lines, "inductance", ("x",), 1.1, 0) == edge.Trial({}, edge.BEYOND)
     verdict = played(call.build(), lines).verdict
     found = [one for one in edge.edges(call, lines, verdict, timeout_s=60.0) if one.quantity == "inductance"]
     assert [(one.axis, one.factor) for one in found] == [("x", None)]
     assert 1.0 <= found[0].tried <= 5.0 / 4.9
+    assert found[0].ends == edge.BEYOND
+
+
+@pytest.mark.parametrize(
+    ("controller", "text", "factor", "said"),
+    [
+        ("c142", "@07\n@0N7\n@0J100\n@0A4000,9000,0,30,0,30,0,30\n", 10_000 / 9000, "line 4 is refused (D: "),
+        ("imc-s8", "@07\n@0N7\n@0J30\n@0A400,9000,0,30,0,30,0,30\n", 1.0, "no move is any faster"),
+    ],
+)
+def test_a_speed_that_is_refused_or_not_reached_holds_nothing(
+    controller: str, text: str, factor: float, said: str
+) -> None:
+    """A C142 takes up to 10 000 Hz. 400 steps at 30 Hz/ms reach sqrt(400 x 30 000) Hz, 3464, and never 9000."""
+    call, lines = TwinSpec(controller=controller), parse_job(text, create_language(controller), controller)
+    (found,) = edge._found(call, lines, 60.0, (0, 1, 2), edge._Search("speed", ("x",)))
+    assert (found.factor, found.seeds) == (None, 3)
+    assert factor / 1.02 < found.tried <= factor
+    assert found.ends.startswith(said)
+    assert edge.told([found])["edge_tested"]["x"]["speed"] == {"to": round(found.tried, 4), "ends": found.ends}
+
+
+def test_what_another_axis_ends_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 1.3 on X loses, and its next line strikes a switch: Y is known up to there."""
+
+    def tried(*asked: Any) -> edge.Trial:
+        beyond = asked[4] >= 1.3
+        return edge.Trial({"x": 4} if beyond else {}, "line 5 is refused (2)" if beyond else "", round(1e9 / asked[4]))
+
+    monkeypatch.setattr(edge, "tried", tried)
+    x, y = edge._found(TwinSpec(), [], 60.0, (0, 1, 2), edge._Search("speed", ("x", "y")))
+    assert (x.factor, x.ends) == (pytest.approx(1.3, rel=0.01), "")
+    assert (y.factor, y.tried, y.ends) == (None, pytest.approx(1.3, rel=0.02), "line 5 is refused (2)")
+    assert y.tried < 1.3

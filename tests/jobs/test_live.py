@@ -60,6 +60,8 @@ def test_each_line_has_its_figures_and_its_words(live: LiveJob) -> None:
     assert (of.margin, of.edge, of.replies) == (None, None, ("0",))
     words = "1.500 s, x keeps 41 % torque, y: unstable above 1.20 times this speed"
     assert str(Figures(1.5, (0.41, "x"), (1.2, "y"))) == words
+    known = Figures(1.5, (0.41, "x"), margin_band=(0.314, 0.473))
+    assert str(known) == "1.500 s, x keeps 41 % (31 to 47 %) torque"
     (words,) = live.explained(3, "@0A1600,3200,0,30,0,30,0,30")
     assert "relative move by X 1600 at 3200 Hz" in words
     assert list(live.explained(4, "# a remark")) == []

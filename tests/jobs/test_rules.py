@@ -103,3 +103,12 @@ def test_servo_drives_lose_no_steps_and_stepper_motors_do_not_switch_off() -> No
 def test_programs_are_told_what_physics_would_have_judged() -> None:
     assert checked(MOVE).unseen == ("lost", "halfway", "margin", "edge", "deviation")
     assert checked(MOVE, None, "mujoco").unseen == ()
+
+
+def test_of_a_job_that_was_not_made_to_its_end_no_rule_is_simply_ok() -> None:
+    """The second of three commands is refused: no step is lost in what was made."""
+    report = checked("@07\n@0Q9\n@0P\n", Bounds(cycle_s=9.0))
+    told = outcomes(report, Bounds(cycle_s=9.0))
+    assert told["refused"] == "1 finding"
+    assert told["cycle"] == told["unpowered"] == "ok as far as made: 1 refused, of 3 commands"
+    assert "the whole job (1 refused, of 3 commands)" in report.unseen

@@ -19,6 +19,7 @@ from isel_twin.machine import (
     Axis,
     Contact,
     Guides,
+    Holder,
     MachineError,
     Mode,
     Squareness,
@@ -42,6 +43,7 @@ INSTANCES: dict[str, Any] = {
     "structure.flex_x": MACHINE.structure[0],
     "squareness": MACHINE.squareness,
     "guides": Guides(),
+    "holder": MACHINE.holder,
     "contacts.limit_x1": MACHINE.switches[0],
     "motors.own": AXIS.motor,
     "axes.x.servo": dataclasses.replace(SERVO.stage, rated_current_a=math.nan),
@@ -86,7 +88,7 @@ def refusal(folder: Path, where: str, line: str) -> str:
 
 def test_all_numbers_of_all_dataclasses_have_limits() -> None:
     assert {type(instance) for instance in INSTANCES.values()} == {
-        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Guides, Contact, Motor, ServoDrive, ServoMotor
+        Timing, Axis, Screw, Rod, Stage, Mode, Squareness, Guides, Holder, Contact, Motor, ServoDrive, ServoMotor
     }  # fmt: skip
     assert len(NUMBERS) > 50
     assert all(isinstance(limits, Limits) for _, _, limits in NUMBERS)

@@ -11,12 +11,12 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.base.parameters import Place
-from isel_twin.plant.cutting import CUT, Cut, set_cut
+from isel_twin.plant.cutting import CUT, Cut, set_cut, tool_m_per_n
 from isel_twin.plant.materials import MATERIALS
 from isel_twin.plant.teeth import bite
 from isel_twin.wiring import event_now
 
-from .conftest import Bench, ramp_ns, ticks
+from .conftest import MS, Bench, ramp_ns, ticks
 
 SUBSTEP_S = 25e-6
 SLOT = Cut(diameter_mm=6.0, flutes=2, depth_mm=0.5, width_mm=6.0, spindle_rpm=6000.0, kc_n_mm2=800.0)
@@ -209,6 +209,8 @@ def test_no_chip_without_feed():
     ("changes", "message"),
     [
         ({"width_mm": 7.0}, "cut: width must be at most the diameter, 6 mm, not 7.0"),
+        ({"shank_mm": 6.0}, "cut: shank and flute_length are those of a tool that bends; give its stickout, too"),
+        ({"tool_material": "wood"}, "cut: tool_material must be one of carbide, hss, not 'wood'"),
         ({"flutes": 0}, "cut: flutes must lie in 1 .. 12, not 0"),
         ({"flutes": 2.5}, "cut: flutes must be a whole number, not 2.5"),
         ({"spindle_rpm": 1e6}, "cut: spindle_rpm must lie in 60 .. 60000, not 1000000.0"),
@@ -347,3 +349,79 @@ def test_left_of_the_feed_is_left_in_the_world(bench):
         b.plant.set_cut(SLOT)
         feed_x(b, 6000.0, 0.5)
         assert sign * sampled(b, 6000.0, 0.2, lambda b=b: cut_n(b.plant)[1]).mean() > 5.0
+
+
+THIN = dataclasses.replace(SLOT, diameter_mm=3.0, width_mm=3.0, stickout_mm=20.0)
+
+
+def test_a_smooth_pin_is_a_cantilever_of_the_textbook() -> None:
+    """k = 3 E I / L^3 = 3 x 600 GPa x pi (3 mm)^4 / 64 / (20 mm)^3 = 0.895 N/um; of steel 210/600 of that."""
+    pin = dataclasses.replace(THIN, flute_length_mm=1e-6)
+    assert 1e-6 / tool_m_per_n(pin, math.inf) == pytest.approx(0.895, abs=0.001)
+    assert 1e-6 / tool_m_per_n(dataclasses.replace(pin, tool_material="hss"), math.inf) == pytest.approx(
+        0.313, abs=0.001
+    )
+    assert tool_m_per_n(dataclasses.replace(pin, stickout_mm=0.0, flute_length_mm=0.0), 1e6) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("tool", "fluted_mm", "shank_mm"),
+    [
+        ({}, 7.5, 3.0),  # two and a half diameters
+        ({"flute_length_mm": 12.0, "shank_mm": 6.0}, 12.0, 6.0),
+        ({"flute_length_mm": 40.0}, 20.0, 3.0),  # fluted into the collet
+    ],
+)
+def test_flutes_and_shank_give_way_by_castigliano(tool: dict[str, float], fluted_mm: float, shank_mm: float) -> None:
+    """The integral of x^2 / E I along the tool; the fluted part as a shaft of 0.8 of the diameter. 10 N/um of the
+    holder are in series."""
+    x_mm = (np.arange(20_000) + 0.5) * 1e-3
+    thick_mm = np.where(x_mm < fluted_mm, 0.8 * 3.0, shank_mm)
+    alone = (x_mm**2 / (600e3 * math.pi * thick_mm**4 / 64.0)).sum() * 1e-3  # mm/N
+    cut = dataclasses.replace(THIN, **tool)
+    assert tool_m_per_n(cut, math.inf) == pytest.approx(1e-3 * alone, rel=1e-6)
+    assert tool_m_per_n(cut, 10e6) == pytest.approx(1e-3 * alone + 1e-7, rel=1e-6)
+
+
+@pytest.mark.parametrize(("machine", "left"), [("4030", 1.0), ("4030-servo", 1.0), ("traverse", -1.0)])
+def test_a_tool_bends_as_the_mean_force_pushes_it_and_springs_back(bench, machine: str, left: float) -> None:
+    """18.75 mm/s in X, with a tool that bends and without: they differ by F / k, in samples and at the end,
+    and by nothing when it is over."""
+    flown = []
+    for stickout_mm in (20.0, 0.0):
+        b = bench({**FREE, "holder.stiffness": 10.0}, machine=machine, lowering=False)
+        b.plant.set_cut(dataclasses.replace(THIN, stickout_mm=stickout_mm))
+        per_mm = b.plant.machine.axes[0].steps_per_mm
+        feed_x(b, 18.75 * per_mm, 0.2)
+        b.plant.sample_every(MS)
+        feed_x(b, 18.75 * per_mm, 0.2)
+        samples = b.plant.take_samples()
+        np.testing.assert_array_equal(samples.position_mm[-1], b.plant.position_mm)
+        b.plant.sample_every(0)
+        b.wait(2000)
+        flown.append((samples.position_mm, samples.velocity_mm_s, b.plant.position_mm))
+    (bent_mm, velocity, stood_mm), (stiff_mm, stiff_velocity, stiff_stood_mm) = flown
+    along, across = mean_n(THIN, tooth_mm(THIN, 18.75))
+    um_per_n = 1.2027 + 1.0 / 10.0  # by Castigliano, see above
+    give_um = 1e3 * (bent_mm - stiff_mm).mean(axis=0)
+    np.testing.assert_allclose(
+        give_um, (along * um_per_n, left * across * um_per_n, 0.0), atol=0.01 * across * um_per_n
+    )
+    np.testing.assert_array_equal(velocity, stiff_velocity, err_msg="forces are what they were")
+    np.testing.assert_allclose(stood_mm, stiff_stood_mm, atol=2e-5)
+
+
+def test_a_bent_tool_is_back_before_the_machine_rests(bench) -> None:
+    """One turn a second, and a blunt edge that lets go at once when the feed is over: the tip comes back by a lag of a
+    second, without a leap at the moment at which time begins to be skipped."""
+    b = bench(FREE)
+    blunt = {"kc_n_mm2": 1.0, "edge_n_mm": 2.0}
+    b.plant.set_cut(dataclasses.replace(THIN, flutes=1, spindle_rpm=60.0, stickout_mm=60.0, **blunt))
+    feed_x(b, 3200.0, 1.5)
+    y_mm = [b.plant.position_mm[1]]
+    while not b.plant.at_rest:
+        b.wait(100)
+        y_mm.append(b.plant.position_mm[1])
+    steps_um = np.abs(1e3 * np.diff(y_mm))
+    assert steps_um.max() > 1.0
+    assert steps_um[-1] < 0.02

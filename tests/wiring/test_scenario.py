@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from isel_twin.base.parameters import Place
 from isel_twin.plant import Cut
-from isel_twin.wiring import FAULTS, ScenarioError, load_scenario, scenario_text
+from isel_twin.wiring import FAULTS, ScenarioError, cut_table, event_now, load_scenario, scenario_text
 from isel_twin.wiring.cabinet import ELEMENTS
 
 SETTABLE = {**ELEMENTS, **dict.fromkeys(("limit_x1", "limit_x2", "estop_1"), tuple(FAULTS))}
@@ -66,12 +67,28 @@ def test_a_cut_begins_and_ends(tmp_path: Path) -> None:
     assert not end.physical
 
 
+def test_a_tool_that_bends_is_read_and_written_down_alike(tmp_path: Path) -> None:
+    tool = 'stickout = 20\nshank = 6\nflute_length = 9.5\ntool_material = "hss"\n'
+    (begin,) = load(tmp_path, CUT.format(width=3, kc=KC) + tool)
+    cut = Cut(
+        6.0, 2, 0.5, 3.0, 18_000.0, 800.0, stickout_mm=20.0, shank_mm=6.0, flute_length_mm=9.5, tool_material="hss"
+    )
+    assert begin.acts["cut"] == cut
+    again = event_now({"cut": cut_table(cut)}, Place("journal", ScenarioError), {})
+    assert again.acts["cut"] == cut
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         (CUT.format(width=7, kc=KC), "event 1.cut: cut: width must be at most the diameter, 6 mm, not 7.0"),
         (CUT.format(width=0, kc=KC), "event 1.cut.width: 0; allowed: 0.001 .. 100 mm"),
         (CUT.format(width=1, kc=800), "event 1.cut.kc: 800; allowed: a table such as { value = 0.1, unit"),
+        (CUT.format(width=1, kc=KC) + "shank = 6", "event 1.cut: cut: shank and flute_length are those of a tool that"),
+        (
+            CUT.format(width=1, kc=KC) + "stickout = 20 \ntool_material = 'wood'",
+            "event 1.cut.tool_material: 'wood'; allowed",
+        ),
         (CUT.format(width=1, kc=KC) + "helix = 30", "event 1.cut.helix: unknown key"),
         ("[[event]]\nat = 1\ncut = 'on'", "event 1.cut: 'on'; allowed: off"),
         ("[[event]]\nat = 1\n[event.cut]\ndiameter = 6", "event 1.cut.flutes: missing"),

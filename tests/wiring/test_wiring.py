@@ -22,7 +22,7 @@ from isel_twin.drives.stage import Stage
 from isel_twin.machine import Contact, Machine, load_machine, with_overrides
 from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
-from isel_twin.wiring import FAULTS, ScenarioEvent, SerialLine, Wiring, thresholds
+from isel_twin.wiring import FAULTS, ScenarioEvent, SerialLine, TripPoints, Wiring, thresholds
 from isel_twin.wiring.cabinet import ELEMENTS
 from isel_twin.wiring.when import Trigger
 
@@ -53,10 +53,11 @@ class Bench:
     ) -> None:
         machine = with_overrides(load_machine("4030"), {"imperfections": "ideal"} if overrides is None else overrides)
         self.machine: Machine = machine if contacts is None else replace(machine, contacts=tuple(contacts))
-        self.plant = PlantByHand(thresholds(self.machine, drive_inputs), stages=stages)
+        random, bounces = np.random.default_rng(seed).spawn(2)
+        trips = TripPoints(self.machine, random)
+        self.plant = PlantByHand(thresholds(self.machine, drive_inputs, trips), stages=stages)
         self.plant.passed[list(passed)] = True
         self.line = SerialLine(timed=False, random=np.random.default_rng(7))
-        trips, bounces = np.random.default_rng(seed).spawn(2)
         self.wiring = Wiring(self.machine, self.plant, self.line, terminals, drive_inputs, trips, bounces)
         self.settle(0)
 
@@ -108,9 +109,9 @@ class Bench:
 
 
 def test_the_plant_watches_the_switches_and_then_what_drives_feed() -> None:
-    machine = load_machine("4030")
+    machine = with_overrides(load_machine("4030"), {"imperfections": "ideal"})
     drives = [DriveInput("lag_y", 1, "lag", 40.0, 10.0), DriveInput("alarm", 5, "fault")]
-    assert thresholds(machine, drives) == [
+    assert thresholds(machine, drives, TripPoints(machine, np.random.default_rng(0))) == [
         Threshold(axis=0, quantity="position", limit=0.0, sense=-1, hysteresis=0.2),
         Threshold(axis=0, quantity="position", limit=395.0, sense=1, hysteresis=0.2),
         Threshold(axis=1, quantity="position", limit=0.0, sense=-1, hysteresis=0.2),
@@ -124,8 +125,9 @@ def test_the_plant_watches_the_switches_and_then_what_drives_feed() -> None:
 
 def test_a_machine_without_switches_has_none_to_watch() -> None:
     machine = replace(load_machine("4030"), contacts=())
-    assert thresholds(machine, []) == []
-    assert thresholds(machine, [DriveInput("alarm", 0, "fault")]) == [Threshold(0, "fault")]
+    trips = TripPoints(machine, np.random.default_rng(0))
+    assert thresholds(machine, [], trips) == []
+    assert thresholds(machine, [DriveInput("alarm", 0, "fault")], trips) == [Threshold(0, "fault")]
 
 
 # ---- levels --------------------------------------------------------------------------------------------------------
@@ -150,10 +152,11 @@ def test_each_switch_leads_to_its_terminal(number: int) -> None:
 
 def test_a_switch_struck_at_power_on_shows_before_anything_is_settled() -> None:
     machine = load_machine("4030")
-    plant = PlantByHand(thresholds(machine, []))
+    random, bounces = np.random.default_rng(0).spawn(2)
+    trips = TripPoints(machine, random)
+    plant = PlantByHand(thresholds(machine, [], trips))
     plant.passed[X2] = True
-    trips, bounces = np.random.default_rng(0).spawn(2)
-    wiring = Wiring(machine, plant, SerialLine(timed=False, random=trips), EACH, [], trips, bounces)
+    wiring = Wiring(machine, plant, SerialLine(timed=False, random=random), EACH, [], trips, bounces)
     assert (wiring.levels["limit_x1"], wiring.levels["limit_x2"]) == (True, False)
 
 
@@ -751,9 +754,10 @@ def test_edges_of_a_plant_that_follows_its_command() -> None:
     """0.1 mm from the motor-end switch at 320 steps/mm and 1000 steps/s: beyond it at step 33, at or beyond the
     hysteresis of 0.2 mm again 65 steps later."""
     machine = with_overrides(load_machine("4030"), {"imperfections": "ideal"})
-    plant = KinematicPlant(machine, thresholds(machine, DRIVES), np.array([0.1, 50.0, 50.0]))
     random = np.random.default_rng(0)
-    wiring = Wiring(machine, plant, SerialLine(timed=False, random=random), EACH, DRIVES, random, random)
+    trips = TripPoints(machine, random)
+    plant = KinematicPlant(machine, thresholds(machine, DRIVES, trips), np.array([0.1, 50.0, 50.0]))
+    wiring = Wiring(machine, plant, SerialLine(timed=False, random=random), EACH, DRIVES, trips, random)
     t_ns = np.arange(1, 300, dtype=np.int64) * MILLISECOND_NS
     delta = np.zeros((299, 4), dtype=np.int8)
     delta[:100, 0], delta[100:, 0] = -1, 1

@@ -34,7 +34,8 @@ from typing import Any, TypeVar, cast
 
 from isel_twin.base.printable import shown_line
 
-GRADES = ("measured", "datasheet", "estimate", "setting")  # how reliable a number is; a setting is chosen by people
+# how reliable a number is: fitted to data by a model that may be wrong; a setting is chosen by people
+GRADES = ("measured", "fitted", "datasheet", "estimate", "setting")
 
 T = TypeVar("T")
 
@@ -351,6 +352,16 @@ def free(value: Any, rule: Limits | tuple[str, ...] | type[bool], place: Place) 
 
 
 def _word(value: Any, rule: tuple[str, ...] | type[bool], place: Place) -> str | bool:
+    """The word or switch; a word may stand in a table of value, grade and source, as a number does."""
+    if isinstance(value, Mapping) and isinstance(rule, tuple):
+        parts = ("value", "grade", "source")
+        known(value, parts, place)
+        for part in parts:
+            if part not in value:
+                raise place.at(part).wrong("missing")
+        text(value["grade"], place.at("grade"), GRADES)
+        text(value["source"], place.at("source"))
+        value = value["value"]
     return text(value, place, rule) if isinstance(rule, tuple) else boolean(value, place)
 
 
@@ -428,7 +439,7 @@ def rows(tree: Mapping[str, Any], prefix: str = "") -> Iterator[Row]:
         if isinstance(value, Mapping) and "value" in value:
             told = value.get("interval")
             interval = None if told is None else (told[0], told[1])
-            yield Row(prefix + key, value["value"], value["unit"], value["source"], value["grade"], interval)
+            yield Row(prefix + key, value["value"], value.get("unit", ""), value["source"], value["grade"], interval)
         elif isinstance(value, Mapping):
             yield from rows(value, f"{prefix}{key}.")
         else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from isel_twin.capture.player import Player
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.job import Line
 from isel_twin.jobs.result import Result
+from isel_twin.jobs.sending import margins
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -84,7 +84,7 @@ def play(
             end_ns=ended_ns,
             counts=tuple(seen.counts.tolist()),
             position_mm=tuple(seen.position_mm.tolist()),
-            margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
+            **margins(twin),
             complete=complete,
         )
         if not complete:

@@ -149,6 +149,14 @@ def summary(done: HostRun) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _struck(done: HostRun) -> str:
+    """The end switches that are struck at the end, and those that were meanwhile, in a reference run or not."""
+    if not done.was_struck:
+        return "no end switch struck"
+    now = f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck at the end"
+    return f"{now} (meanwhile: {', '.join(done.was_struck)})"
+
+
 def told(done: HostRun) -> str:
     """The same in one line for people."""
     from isel_twin.jobs.verdict import NOT_SIMULATED
@@ -160,7 +168,7 @@ def told(done: HostRun) -> str:
         verdict.headline if verdict.ok else "the machine failed",
         *verdict.problems(),
         *([] if any(verdict.lost) else [no_loss]),
-        f"struck: {', '.join(done.struck)}" if done.struck else "no end switch struck",
+        _struck(done),
         f"at {where} mm",
         f"{(done.ended_ns - done.began_ns) / SECOND_NS:.3f} s of virtual time",
     ]

@@ -264,7 +264,8 @@ def _print(result: Fit) -> None:
         item = one.unknown
         span, before = f"{one.low:.4g} .. {one.high:.4g}", f"{item.low:.4g} .. {item.high:.4g}"
         line = f"{name:<{width}} {one.value:>10.4g}  {span:<24} {item.unit:<5} {before:<20} {one.remaining:>8.0%}"
-        print(f"{line}  {one.note}".rstrip())
+        note = "measured" if result.before and result.measured(one) else one.note or "fitted"
+        print(f"{line}  {note}")
     if result.beside:
         print("+: not asked for, fitted beside the others within what is known of it")
     names = [one.unknown.name for one in result.estimates]
@@ -283,7 +284,8 @@ def _print(result: Fit) -> None:
         times = f"{result.times:.1f} times better" if not result.worse else "worse"
         print(f"held out: {_told(result.before, result.after)}: {times}")
     else:
-        print("held out: nothing, so the result is an estimate")
+        print("held out: nothing, so no number is measured")
+    print(f"chi-square per degree of freedom, {', '.join(one.short for one in result.kinds)}")
 
 
 def _told(before: Mapping[str, float], after: Mapping[str, float]) -> str:

@@ -36,6 +36,7 @@ MANY_SAMPLES = 10_000_000  # samples of a recorder that are reported, and every 
 # width of the columns of commands, replies (a position of four axes) and program blocks
 LONG_COMMAND, LONG_REPLY, LONG_BLOCK = 56, 25, 100
 HEAD = 1 << 16  # characters of a program that are searched for its longest block
+MARGIN = 21  # width of the column of margins
 NAME = 4  # characters before a block: the program's name
 SHOWN_FACTORS = 3  # of a repetition
 SHOWN_TRIALS = 5  # most repetitions shown that ended differently
@@ -210,11 +211,11 @@ class JsonOutput:
         return not rest["other"]
 
     def uncertain(self, made: Played, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.uncertain import bands, coverage
+        from isel_twin.jobs.uncertain import bands, coverage, whole
 
         frequency, rest = self._repeated(made.verdict, trials, wanted)
         found = [one.told() for one in bands(made.verdict, made.results, trials)]
-        told = {**frequency, **rest, "coverage": round(coverage(len(trials)), 3), "bands": found}
+        told = {**frequency, **rest, "coverage": round(coverage(len(whole(trials))), 3), "bands": found}
         self._last |= {"uncertain": told}
         say_json(self._last)
         return not rest["other"]
@@ -223,15 +224,16 @@ class JsonOutput:
         self, verdict: Verdict, trials: Sequence[Repetition], wanted: int
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """A line for each repetition; how many lost, and how they ended."""
-        from isel_twin.jobs.robust import agree, at_most, separates
+        from isel_twin.jobs.blame import separates
+        from isel_twin.jobs.robust import agree, at_most, losses
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
         for trial in trials:
             factors = {name: round(factor, 4) for name, factor in trial.factors.items()}
             told = {"trial": trial.number, "agrees": trial not in other, "seed": trial.seed, "factors": factors}
             say_json({**told, **trial.verdict.summary()})
-        lost = sum(any(trial.verdict.lost) for trial in trials)
-        frequency = {"lost": lost, "of": len(trials), "at_most": round(at_most(lost, len(trials)), 3)}
+        lost, of = losses(trials)
+        frequency = {"lost": lost, "of": of, "at_most": round(at_most(lost, of), 3)}
         sound = verdict.ok and not other and len(trials) == wanted
         return frequency, {"sound": sound, "other": len(other), "separates": separates(trials)}
 
@@ -239,8 +241,8 @@ class JsonOutput:
 class TableOutput:
     """A table on stdout with a row for each finished command, and a line of progress on a terminal. A context manager.
 
-    line     time / s  command              reply                X / mm     Y / mm     Z / mm     margin
-       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000        71 %
+    line     time / s  command              reply                X / mm     Y / mm     Z / mm              margin
+       3       12.345  @0P                  0003E80001F4...      50.000     25.000      0.000  71 % (66 to 75 %)
 
     Columns have fixed widths: a table fitted to its contents would have to wait for all rows.
     """
@@ -261,7 +263,8 @@ class TableOutput:
         if _may_be_terminal():
             self._show_progress(twin, len(lines))
         *beside, command, reply = self.heads
-        self._row(*beside, self._words(command, reply), *(f"{axis.upper()} / mm" for axis in CARRIAGES), "margin")
+        heads = [f"{axis.upper()} / mm" for axis in CARRIAGES]
+        self._row(*beside, self._words(command, reply), *heads, f"{'margin':>{MARGIN}}")
 
     def _show_progress(self, twin: Twin, total: int) -> None:
         from rich.progress import TimeElapsedColumn
@@ -296,7 +299,7 @@ class TableOutput:
             f"{result.time_ns / SECOND_NS:.3f}",
             self._words(result.command, repr(result.reply if blame else result.shown_reply)[1:-1] or "none"),
             *(f"{position:.3f}" for position in result.position_mm),
-            _percent(result.margin),
+            f"{result.margin_told:>{MARGIN}}",
             style="" if result.ok else "bold red",
         )
         if blame:
@@ -327,8 +330,7 @@ class TableOutput:
         error = zip(axes, verdict.following_error, strict=False)
         lag = ", ".join(f"{axis} {round(e):g}" for axis, e in error if e is not None and round(e))
         told += [f"following error, increments: {lag}"] if lag else []
-        margin = _percent(verdict.margin)
-        told += [f"least torque margin: {margin}"] if margin else []
+        told += [f"least torque margin: {verdict.margin_told}"] if verdict.margin_told else []
         if verdict.least_edge is not None:
             edge, axis, line = verdict.least_edge
             told.append(f"{axis.upper()}: unstable above {edge:.2f} times the speed of line {line}")
@@ -352,11 +354,12 @@ class TableOutput:
                 for edge in own
                 if edge.factor is not None
             ]
-            never = [f"{edge.tried:.2g} times the {edge.quantity}" for edge in own if edge.factor is None]
+            never = [_not_up_to(edge) for edge in own if edge.factor is None]
             what = "its drive switches itself off" if any(edge.closed_loop for edge in own) else "steps are lost"
             lost = [f"{what} at {', '.join(at)}"] if at else []
             held = [f"none up to {', '.join(never)}"] if never else []
-            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}")
+            seeds = many(max(edge.seeds for edge in own), "seed")
+            self._print(f"edge of {axis.upper()}: {'; '.join([*lost, *held])}; tried on {seeds}")
 
     def counted(self, verdict: Verdict) -> str:
         """Number of commands and expectations."""
@@ -367,11 +370,12 @@ class TableOutput:
         return self._repeated(verdict, trials, wanted, "robust", "fragile")
 
     def uncertain(self, made: Played, trials: Sequence[Repetition], wanted: int) -> bool:
-        from isel_twin.jobs.uncertain import bands, coverage
+        from isel_twin.jobs.uncertain import bands, coverage, whole
 
         found = bands(made.verdict, made.results, trials)
         if found:
-            self._print(f"as far as this machine is known ({coverage(len(trials)):.0%} of {len(trials)} draws)")
+            number = len(whole(trials))
+            self._print(f"as far as this machine is known ({coverage(number):.0%} of {number} draws)")
         for one in found:
             self._print(f"  {one.in_words()}")
         return self._repeated(made.verdict, trials, wanted, "certain", "uncertain")
@@ -380,12 +384,14 @@ class TableOutput:
         self, verdict: Verdict, trials: Sequence[Repetition], wanted: int, sound: str, other_word: str
     ) -> bool:
         """Whether all ended alike, and if not, how the others did."""
-        from isel_twin.jobs.robust import agree, at_most, separates
+        from isel_twin.jobs.blame import separates
+        from isel_twin.jobs.robust import agree, at_most, losses
 
         other = [trial for trial in trials if not agree(verdict, trial.verdict)]
-        lost = sum(any(trial.verdict.lost) for trial in trials)
-        most = f"at most {100.0 * at_most(lost, len(trials)):.0f} % of such machines do (95 %)"
-        frequency = f"{lost} of {many(len(trials), 'machine')} lost steps: {most}"
+        lost, of = losses(trials)
+        most = f"at most {100.0 * at_most(lost, of):.0f} % of such machines do (95 %)"
+        part = f" ({len(trials) - of} more did not make the whole job)" if of < len(trials) else ""
+        frequency = f"{lost} of {many(of, 'machine')}{part} lost steps: {most}"
         if not other and verdict.ok:
             stopped = "" if len(trials) == wanted else f", {wanted - len(trials)} more were not made"
             self._print(f"{'unfinished' if stopped else sound}: {frequency}{stopped}", style="bold green")
@@ -395,12 +401,13 @@ class TableOutput:
             differently = f"{len(other)} of {many(len(trials), 'machine')} ended differently"
             self._print(f"{other_word}: {differently}; {frequency}", style="bold red")
         if (found := separates(trials)) is not None:
-            key, mine, theirs = found
-            values = f"{mine:.2f} times its value where steps were lost, else {theirs:.2f} times"
-            self._print(f"  best told apart by {key}: {values}")
+            values = f"{found.lost:.3f} times its value where steps were lost, else {found.held:.3f} times, on average"
+            self._print(f"  best told apart by {found.key}: {values} (by chance in {found.chance:.1%} of such studies)")
+        elif 0 < lost < of:
+            self._print("  nothing separates them: what was drawn differs no more than by chance")
         for trial in other[:SHOWN_TRIALS]:
-            far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))[:SHOWN_FACTORS]
-            changed = ", ".join(f"{name} {100.0 * (factor - 1.0):+.0f} %" for name, factor in far)
+            far = sorted(trial.factors.items(), key=lambda one: -_far(one[1]))
+            changed = ", ".join(list(dict.fromkeys(_changed(*one) for one in far))[:SHOWN_FACTORS])
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
             losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
@@ -437,12 +444,18 @@ class MotionsOutput(TableOutput):
         return many(verdict.commands, "motion")
 
 
+def _not_up_to(edge: Edge) -> str:
+    """The factor up to which a job was made without a loss, and why not farther."""
+    return f"{edge.tried:.3g} times the {edge.quantity}{edge.ends and f' (beyond, {edge.ends})'}"
+
+
+def _changed(name: str, factor: float) -> str:
+    """A drawn number in words; the decay of the stages, which is one on all axes, by its name."""
+    if name.endswith(".stage.kind"):
+        return f"stages with {'slow' if factor == 0.0 else 'fast' if factor == 1.0 else 'mixed'} decay"
+    return f"{name} {100.0 * (factor - 1.0):+.0f} %"
+
+
 def _far(factor: float) -> float:
     """How far a factor is from 1, the same for twice and half; a change of sign is farthest."""
     return abs(math.log(factor)) if factor > 0.0 else math.inf
-
-
-def _percent(margins: Sequence[float | None]) -> str:
-    """The least of the margins in per cent; "" without physics."""
-    least = min((margin for margin in margins if margin is not None), default=None)
-    return "" if least is None else f"{100.0 * least:.0f} %"

@@ -164,6 +164,8 @@ def _print_found(found: Tuned, study: Study, files: Sequence[Path]) -> None:
         f"{100.0 * held.nearly_all:.1f} % on {100 - ALONE} % of them; no steps lost: "
         f"at most {100.0 * at_most(held.lost, held.made):.1f} % of such machines lose steps (95 %)"
     )
+    torque, weakest = (100.0 * share for share in (found.tried.judgement.torque, found.tried.judgement.weakest))
+    print(f"torque: {torque:.1f} % left in its trial, {weakest:.1f} % where motors are as weak as their bands say")
     if found.may_be:
         print(f"as far as this machine is known ({coverage(study.problem.uncertain):.0%}):")
         print(*(f"  {one.in_words()}" for one in found.may_be), sep="\n")

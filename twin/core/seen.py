@@ -136,6 +136,19 @@ class Seen:
         return self._plant.margin
 
     @property
+    def torque_band(self) -> NDArray[np.float64]:
+        """float64 [axes, 2], the least and the most torque of each stepper motor over the predicted one, at its largest
+        speed since `watch_margin` (drives/bands.py); nan without such a motor."""
+        from isel_twin.drives.bands import torque_band
+
+        speeds = self._plant.fastest_rad_s.tolist()
+        found = np.full((len(speeds), 2), math.nan)
+        for i, (axis, rad_s) in enumerate(zip(self.machine.axes, speeds, strict=False)):
+            if not math.isnan(rad_s) and isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
+                found[i] = torque_band(axis.motor, axis.stage, rad_s * 30.0 / math.pi)
+        return found
+
+    @property
     def speed_edge(self) -> NDArray[np.float64]:
         """float64 [axes], how many times the largest speed since `watch_margin`, or since power-on, each stepper motor
         may turn until a swing of its rotor grows: steps are lost from 1.03 to 1.26 of that on (drives/stability.py).

@@ -55,7 +55,7 @@ from isel_twin.language import Language, needed
 from isel_twin.machine import Fixture, Machine
 from isel_twin.motion import Stream
 from isel_twin.plant import Collision, FindsArrival, GoesStraight, Sampled
-from isel_twin.wiring import Schedule, SerialLine, Wiring, thresholds
+from isel_twin.wiring import Schedule, SerialLine, TripPoints, Wiring, thresholds
 
 _NEVER_NS = 1 << 62
 # rounds of `_settle` at one instant, one of which has an event of a scenario; else a controller is broken
@@ -157,7 +157,7 @@ class Twin(Operated, Seen, Connected, Saved):
         self.language: Language | None = None if plans.new_language is None else plans.new_language()
         """None for a controller that was handed in. Decoders need one of their own."""
         self.machine = plans.machine
-        start, trips, bounces, noise = chances(origin.seed)
+        start, trips_random, bounces, noise = chances(origin.seed)
         self.origin = origin  # what it was built from
         self.time_ns = 0
         self.keys: Mapping[str, Key] = dict(controller.keys) if offers(controller, HasKeys) else {}
@@ -177,7 +177,8 @@ class Twin(Operated, Seen, Connected, Saved):
         axes = len(controller.counts)
         schedule = Schedule(plans.events, None if plans.new_language is None else plans.new_language())
         start_at_mm = power_on_mm(self.machine, start, origin.start_mm)
-        watched = thresholds(self.machine, drive_inputs, schedule)
+        trips = TripPoints(self.machine, trips_random)
+        watched = thresholds(self.machine, drive_inputs, trips, schedule)
         self._plant = build_plant(origin.plant, self.machine, watched, start_at_mm, axes, model)
         self._position = Position(controller, self._plant, np.array([axis.step_mm for axis in self.machine.axes]))
         self._line = SerialLine(bool(origin.line_speed), noise, round(origin.adapter_ms * 1e6))

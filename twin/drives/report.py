@@ -2,10 +2,10 @@
 
 The table shows the bench's result beside the closed forms, and marks where it was compared with a measurement:
 
-       rpm   pull-out   +-  predicted   bound   0 ... Nm
-       300 *    1.651  15 %     1.660   1.662   ##########################|
-       650      1.355  18 %     1.371   1.544   #####################   |     * where a maker's curve was compared
-       850 ~    0.720  32 %     1.010   1.250   ###########        |          ~ where a swing grows
+       rpm   pull-out   least    most   predicted   bound   0 ... Nm
+       300 *    1.651   1.405   1.945       1.660   1.662   ##########################|
+       650      1.355   1.056   1.762       1.371   1.544   #####################   |     * a maker's curve was compared
+       850 ~    0.720   0.524   1.480       1.010   1.250   ###########        |          ~ a swing grows
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from json import dumps
 from pathlib import Path
 
 from isel_twin.base.pictures import Curve, draw_curves
-from isel_twin.drives import curves, stability
+from isel_twin.drives import bands, curves, stability
 from isel_twin.drives.library import MOTORS, SHEETS, figures
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
@@ -31,10 +31,6 @@ COMPARED = {
     "14HS17-0504S": ((20.0, 20.0), (90.0, 450.0), "20 V, 0.5 A, half step"),
 }
 
-# of the speed at which the supply takes over (stability.rule_rpm): what the law missed up to there on each of three
-# motors (curves A, C, D) when it was fitted on the others; tests/drives/test_left_out.py
-BANDS = ((0.5, 0.15), (1.0, 0.18), (1.75, 0.32))
-
 BAR = 40  # characters of the longest bar
 
 
@@ -44,10 +40,17 @@ class TorquePoint:
     pull_out_nm: float
     predicted_nm: float
     envelope_nm: float
-    band: float | None
-    """What the law missed at such a speed on motors it was not fitted on, over the torque; None: nobody compared."""
+    least_nm: float
+    """Nine motors of ten have more torque than this (bands.py), and less than `most_nm`."""
+    most_nm: float
     growth_per_s: float | None
     """Of a small swing under stability.LOAD_SHARE of the torque; below 0: it dies away. None: no steady rotation."""
+
+    @property
+    def band(self) -> float | None:
+        """How far the farther end of the band is, over the torque; None without torque."""
+        away_nm = max(self.most_nm - self.pull_out_nm, self.pull_out_nm - self.least_nm)
+        return away_nm / self.pull_out_nm if self.pull_out_nm else None
 
     @property
     def stable(self) -> bool:
@@ -58,27 +61,26 @@ def torque_table(motor: Motor, stage: Stage, speeds_rpm: Sequence[float] = SPEED
     """Pull-out torque from the bench and from both closed forms, and the growth of a swing, for each speed, rising."""
     rotations = bench(motor, stage).rotations(speeds_rpm)
     return [
-        TorquePoint(
-            speed_rpm=rpm,
-            pull_out_nm=curves.pull_out_torque(motor, stage, rpm),
-            predicted_nm=curves.pull_out_prediction(motor, stage, rpm),
-            envelope_nm=curves.pull_out_envelope(motor, stage, rpm),
-            band=band(motor, stage, rpm),
-            growth_per_s=None if rotation is None else rotation.growth_per_s,
-        )
+        _point(motor, stage, rpm, None if rotation is None else rotation.growth_per_s)
         for rpm, rotation in zip(speeds_rpm, rotations, strict=True)
     ]
+
+
+def _point(motor: Motor, stage: Stage, speed_rpm: float, growth_per_s: float | None) -> TorquePoint:
+    """The band is around both the bench and the closed form, which differ where an undamped motor swings; where the
+    iron loss leaves no torque, half of it may be there."""
+    pull_out_nm = curves.pull_out_torque(motor, stage, speed_rpm)
+    predicted_nm = curves.pull_out_prediction(motor, stage, speed_rpm)
+    least, most = bands.torque_band(motor, stage, speed_rpm)
+    bound_nm = curves.pull_out_envelope(motor, stage, speed_rpm)
+    least_nm = least * min(pull_out_nm, predicted_nm)
+    most_nm = max(most * max(pull_out_nm, predicted_nm), 0.5 * motor.iron_torque_nm(speed_rpm * math.pi / 30.0))
+    return TorquePoint(speed_rpm, pull_out_nm, predicted_nm, bound_nm, least_nm, most_nm, growth_per_s)
 
 
 def bench(motor: Motor, stage: Stage) -> stability.Bench:
     """With its own inertia once more and stability.LOAD_SHARE of its torque on the shaft."""
     return stability.Bench(motor, stage, stability.LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a)
-
-
-def band(motor: Motor, stage: Stage, speed_rpm: float) -> float | None:
-    """Half the width of the band around a predicted torque, over the torque; None beyond all comparisons."""
-    share = speed_rpm / stability.rule_rpm(motor, stage)
-    return next((missed for up_to, missed in BANDS if share <= up_to), None)
 
 
 def default_stage(motor: Motor) -> Stage:
@@ -104,7 +106,8 @@ def show_motor(
     stage = stage or default_stage(motor)
     table = torque_table(motor, stage)
     if json:
-        data = {"motor": name, "data": figures(motor), "stage": figures(stage), "curve": [asdict(p) for p in table]}
+        curve = [{**asdict(point), "band": point.band} for point in table]
+        data = {"motor": name, "data": figures(motor), "stage": figures(stage), "curve": curve}
         print(dumps(data))
     else:
         print("\n".join(_text(name, motor, stage, table)))
@@ -126,6 +129,18 @@ def _stable(motor: Motor, stage: Stage) -> str:
     )
 
 
+def _beyond(motor: Motor, stage: Stage) -> list[str]:
+    """From which speed on the band is wide, as nobody has compared."""
+    rule = stability.rule_rpm(motor, stage)
+    lines = [f"beyond {bands.LAST * rule:.0f} rev/min nobody compared: expect less torque than predicted"]
+    if stage.microsteps == 1:
+        limit = bands.FULL_STEP_LIMIT * rule
+        lines.append(
+            f"in full step a maker's limits of two motors would be {limit:.0f} rev/min here: least is 0 beyond"
+        )
+    return lines
+
+
 def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
     """Draw torque, and below it the growth of a swing, into a file (type by suffix: png, svg, pdf). Raises ValueError
     without matplotlib."""
@@ -134,6 +149,8 @@ def draw_torque(table: Sequence[TorquePoint], title: str, file: Path) -> None:
         Curve("closed form: bound", speeds, [point.envelope_nm for point in table], "--"),
         Curve("closed form: prediction", speeds, [point.predicted_nm for point in table], ":"),
         Curve("pull-out torque", speeds, [point.pull_out_nm for point in table], "o-"),
+        Curve("least and most of nine motors of ten", speeds, [point.least_nm for point in table], "k:"),
+        Curve("", speeds, [point.most_nm for point in table], "k:"),
     ]
     if swinging := [point for point in table if not point.stable]:
         at = [point.speed_rpm for point in swinging]
@@ -162,26 +179,29 @@ def _text(name: str, motor: Motor, stage: Stage, table: Sequence[TorquePoint]) -
         f"Nm/A, J {motor.rotor_inertia_kgm2:g} kg m^2, detent {motor.detent_torque_nm:.3f} Nm, "
         f"Rm {motor.iron_loss_ohm:.3g} ohm, iron drag largest at {motor.iron_knee_rad_s * 30.0 / math.pi:.0f} rev/min",
         "",
-        f"{'rpm':>6}   {'pull-out Nm':>12} {'+-':>5} {'predicted Nm':>12} {'bound Nm':>12}",
+        f"{'rpm':>6}   {'pull-out Nm':>12} {'least':>8} {'most':>8} {'predicted Nm':>12} {'bound Nm':>12}",
     ]
     for point in table:
         bar = list("#" * round(BAR * point.pull_out_nm / top) + " " * (BAR + 1))
         bar[round(BAR * point.envelope_nm / top)] = "|"
         picture = "".join(bar).rstrip()
         mark = "*" if compared and speeds[0] <= point.speed_rpm <= speeds[1] else " " if point.stable else "~"
-        spread = "  ?  " if point.band is None else f"{100 * point.band:3.0f} %"
+        band = f"{point.least_nm:8.3f} {point.most_nm:8.3f}"
         forms = f"{point.predicted_nm:12.3f} {point.envelope_nm:12.3f}"
-        lines.append(f"{point.speed_rpm:6g} {mark} {point.pull_out_nm:12.3f} {spread} {forms}  {picture}")
-    rate = curves.pull_in_rate(motor, stage)
+        lines.append(f"{point.speed_rpm:6g} {mark} {point.pull_out_nm:12.3f} {band} {forms}  {picture}")
+    rate, resonance = curves.pull_in_rate(motor, stage), curves.resonance_hz(motor, stage)
+    slowest, fastest = (share * rate for share in bands.STARTS)
+    low, high = (math.sqrt(share) * resonance for share in bands.torque_band(motor, stage, 0.0))
     lines += [
         "",
-        f"starts from rest, unloaded: up to {rate:.0f} steps/s of this stage "
-        f"({rate / stage.microsteps:.0f} full steps/s), except near its resonance",
-        f"resonance, unloaded: {curves.resonance_hz(motor, stage):.0f} Hz",
+        f"starts from rest, unloaded: up to {rate:.0f} steps/s of this stage ({slowest:.0f} to {fastest:.0f}; "
+        f"{rate / stage.microsteps:.0f} full steps/s), except near its resonance",
+        f"resonance, unloaded: {resonance:.0f} Hz ({low:.0f} to {high:.0f})",
         f"* compared with the maker's curve, at {conditions}, {speeds[0]:g} to {speeds[1]:g} rev/min: docs/fidelity.md"
         if conditions
         else "no maker's curve of this motor was compared; the law was on others: see docs/fidelity.md",
-        "+- what the law missed on each of three motors when fitted on the others; ?: beyond what was compared",
+        "least, most: where nine motors of ten lie, by what the law missed on motors that it was not fitted on",
+        *_beyond(motor, stage),
         _stable(motor, stage),
     ]
     if (km := motor.at_current(stage.vector_a).torque_constant_nm_per_a) < motor.torque_constant_nm_per_a:

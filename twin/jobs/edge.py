@@ -14,6 +14,10 @@
     told                    1.09                   and moved by 5 % at most, so that 5 % nearer all of them hold and 5 %
                                                    farther all of them lose: a band of losses may be narrower than that
 
+A factor at which the job is not made to its end, as the controller refuses a speed, says nothing of losses: it ends the
+search, and the edge is told as none up to the farthest factor at which every seed has made the whole job (jobs/18).
+So does a speed beyond which no move becomes any faster, as the controller has a highest one.
+
 What is known without that is the speed from which on a motor swings (`Result.edge`): it lies below the edge of speed,
 steps are lost from 1.03 to 1.26 of it on. `python -m tests.edges` holds edges against fresh seeds (docs/fidelity.md).
 """
@@ -48,6 +52,8 @@ NEARER, FARTHER = 0.95, 1.05  # of an edge: where every seed holds, and where ev
 SEEDS = 3  # machines of the same numbers: other places, rotor angles and scatter
 ASKED = 4 * SEEDS  # most seeds that are looked at for those
 FARTHEST: Mapping[str, float] = {"speed": 3.0, "supply": 0.3, "inductance": 5.0, "load": 10.0}
+BEYOND = "the range of the machine file ends"
+NO_FASTER = "no move is any faster"
 _LOAD_KEYS = ("guide_friction", "shaft_coulomb", "shaft_viscous")
 
 
@@ -57,10 +63,21 @@ class Edge:
 
     quantity: str
     axis: str
-    factor: float | None  # None: not up to `tried`, or another axis ends the job
-    tried: float  # the factor nearest to FARTHEST that the machine file allows
+    factor: float | None  # None: not up to `tried`
+    tried: float  # without a factor: the farthest at which every seed has made the whole job and this axis has held
     line: int | None = None  # the first after which steps are lost there
     closed_loop: bool = False
+    seeds: int = 1  # how many were tried
+    ends: str = ""  # why nothing is known beyond `tried`, in words; "": no more is looked for
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The outcome of a job with one quantity times a factor, on one seed."""
+
+    lost: Mapping[str, int]  # axes that have lost steps, and the line in which each did
+    ends: str = ""  # why the job was not made to its end, which says nothing of the other axes
+    moving_ns: int = 0  # time in which the controller moved
 
 
 @dataclass(frozen=True)
@@ -132,33 +149,45 @@ def _answered(call: TwinSpec, lines: Sequence[Line], timeout_s: float, seed: int
 
 
 def told(found: Sequence[Edge]) -> dict[str, Any]:
-    """In JSON's types: factors by axis and quantity, null where there is none; and the lines that lose there."""
+    """In JSON's types: factors by axis and quantity, null where there is none; the lines that lose there; and where
+    there is none, up to which factor the job was made, and what ends it beyond."""
     axes: dict[str, dict[str, float | None]] = {}
     lines: dict[str, dict[str, int]] = {}
+    tested: dict[str, dict[str, dict[str, Any]]] = {}
     for edge in found:
         axes.setdefault(edge.axis, {})[edge.quantity] = edge.factor
         if edge.line is not None:
             lines.setdefault(edge.axis, {})[edge.quantity] = edge.line
-    return {"edge": axes, "edge_lines": lines}
+        if edge.factor is None:
+            over = {"to": round(edge.tried, 4), "ends": edge.ends}
+            tested.setdefault(edge.axis, {})[edge.quantity] = over
+    seeds = max((edge.seeds for edge in found), default=0)
+    return {"edge": axes, "edge_lines": lines, "edge_tested": tested, "edge_seeds": seeds}
 
 
 class _Losses:
-    """A watcher that notes the first line after which each axis has lost steps, or its servo drive is off."""
+    """A watcher that notes the first line after which each axis has lost steps, or its servo drive is off, and the
+    first that is refused, or not over, before all have."""
 
     def __init__(self, twin: Twin, wanted: Iterable[str]) -> None:
         self.lines: dict[str, int] = {}
+        self.ends = ""
         self._twin, self._wanted = twin, set(wanted)
 
     def take(self, result: Result) -> None:
         for axis in out_of_step(self._twin):
             self.lines.setdefault(AXIS_NAMES[axis], result.number)
+        if not result.complete:
+            self.ends = f"line {result.number} is not over in time"
+        elif not result.ok and not result.condition:
+            self.ends = f"line {result.number} is refused ({result.shown_reply or 'no reply'})"
 
     def stop(self) -> bool:
         """True once nothing is left to be found; the rest of such a job has no meaning."""
-        return self._wanted <= self.lines.keys()
+        return bool(self.ends) or self._wanted <= self.lines.keys()
 
 
-def losers(
+def tried(
     call: TwinSpec,
     lines: Sequence[Line],
     quantity: str,
@@ -166,55 +195,72 @@ def losers(
     factor: float,
     seed: int,
     timeout_s: float = TIMEOUT_S,
-) -> Mapping[str, int]:
-    """The axes that lose steps on a seed with a quantity (of `axes`; the speed is that of all) times a factor, and the
-    line in which each does; none where the quantity leaves its range. The job ends when all of `axes` have lost."""
+) -> Trial:
+    """Make a job on a seed with a quantity (of `axes`; the speed is that of all) times a factor. The job ends when all
+    of `axes` have lost steps, or when a line of it is not made."""
     spec, changed = _changed(call, lines, _Search(quantity, axes), factor)
     try:
         twin = spec.with_(seed=seed).build()
     except ValueError:
-        return {}
+        return Trial({}, BEYOND)
     seen = _Losses(twin, axes)
     with quietly():
         verdict = played(twin, changed, [seen.take], timeout_s, seen.stop, edges=False).verdict
     for name, halfway in zip(AXIS_NAMES, verdict.halfway, strict=False):
         if halfway:
             seen.lines.setdefault(name, lines[-1].number)
-    return seen.lines
+    if not seen.lines and not seen.ends:
+        seen.ends = next(iter(replace(verdict, unmet=()).problems()), "")
+    moving_ns = sum(motion.end_ns - motion.start_ns for motion in twin.steps.motions)
+    return Trial(seen.lines, seen.ends, moving_ns)
 
 
 def _found(
     call: TwinSpec, lines: Sequence[Line], timeout_s: float, seeds: Sequence[int], search: _Search
 ) -> tuple[Edge, ...]:
     """Depends only on its arguments, so that it can run in another process."""
-    farthest = _farthest(call, lines, search)
+    farthest, sign = _farthest(call, lines, search), 1 if FARTHEST[search.quantity] > 1.0 else -1
+    asked = {1.0}  # factors
 
     @functools.cache
-    def lost(factor: float, seed: int) -> Mapping[str, int]:
-        return losers(call, lines, search.quantity, search.axes, factor, seed, timeout_s)
+    def made(factor: float, seed: int) -> Trial:
+        asked.add(factor)
+        return tried(call, lines, search.quantity, search.axes, factor, seed, timeout_s)
 
     def edge(axis: str) -> Edge:
+        def over(factor: float, seed: int) -> bool:
+            return axis in made(factor, seed).lost or bool(made(factor, seed).ends)
+
         def quick(factor: float) -> bool:
-            return axis in lost(factor, call.seed)
+            return over(factor, call.seed) or (factor == farthest and some(factor))
 
         def some(factor: float) -> bool:
-            return any(axis in lost(factor, seed) for seed in seeds)
+            return any(over(factor, seed) for seed in seeds)
 
         def every(factor: float) -> bool:
-            return all(axis in lost(factor, seed) for seed in seeds)
+            return all(axis in made(factor, seed).lost for seed in seeds)
 
         first = _least(quick, some, farthest, STRIDE if search.quantity == "load" else STEP)
-        if first is None:
-            return Edge(search.quantity, axis, None, farthest, closed_loop=axis in servos)
-        sign = 1 if FARTHEST[search.quantity] > 1.0 else -1
-        first = _before_bands(some, first, sign)
-        factor = _between_sure(some, every, first, sign)
-        lines_lost = [found[axis] for seed in seeds if axis in (found := lost(first, seed))]
-        return Edge(search.quantity, axis, factor, farthest, min(lines_lost), axis in servos)
+        ends = "" if farthest == FARTHEST[search.quantity] else BEYOND
+        if first is not None:
+            first = _before_bands(some, first, sign)
+            if lines_lost := [made(first, seed).lost[axis] for seed in seeds if axis in made(first, seed).lost]:
+                factor = _between_sure(some, every, first, sign)
+                return Edge(search.quantity, axis, factor, factor, min(lines_lost), axis in servos, len(seeds))
+            ends = next(made(first, seed).ends for seed in seeds if made(first, seed).ends)
+        before = (factor for factor in asked if first is None or (first - factor) * sign > 0.0)
+        nearer = sorted(before, key=lambda factor: -factor * sign)
+        held = next((factor for factor in nearer if factor == 1.0 or not some(factor)), 1.0)
+        if search.quantity == "speed":
+            moving_ns = {factor: made(factor, call.seed).moving_ns for factor in sorted(asked) if factor <= held}
+            alike = [factor for factor in moving_ns if moving_ns[factor] == moving_ns[held]]
+            if len(alike) > 1:
+                held, ends = max((factor for factor in moving_ns if factor < alike[0]), default=1.0), NO_FASTER
+        return Edge(search.quantity, axis, None, held, None, axis in servos, len(seeds), ends)
 
     servos = {axis.name for axis in call.fitted().axes if axis.closed_loop}
     found = [edge(axis) for axis in search.axes]
-    return tuple(each for each in found if each.factor is not None or not each.closed_loop)
+    return tuple(each for each in found if each.factor is not None or each.ends or not each.closed_loop)
 
 
 def _least(

@@ -25,8 +25,8 @@ def find(job: Path) -> Path | None:
 
 def fixtures(path: Path) -> tuple[Fixture, ...]:
     """What is clamped on the table for jobs below a settings file: its [[fixture]] tables. Raises as `load`."""
-    content, place = read_lines(path, SettingsError)
-    tables, place, folder = content.get("fixture", []), place.at("fixture"), path.resolve().parent
+    content, lines = read_lines(path, SettingsError)
+    tables, place, folder = content.get("fixture", []), lines.at("fixture"), path.resolve().parent
     check_meshes(tables, place, folder)
     return read_fixtures(tables, place, folder)
 

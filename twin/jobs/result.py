@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
+
+Ends: TypeAlias = tuple[float, float]  # the least and the most of a number
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class Result:
     counts: tuple[int, ...]
     position_mm: tuple[float, ...]
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis meanwhile; None without a motor
+    margin_band: tuple[Ends | None, ...] = ()
+    """Where each margin lies as far as torque is known (drives/bands.py); None without a stepper motor."""
     edge: tuple[float | None, ...] = ()
     """How many times the largest speed of each axis meanwhile its motor may turn until a swing grows (drives/
     stability.py); None without a stepper motor, or at rest."""
@@ -57,6 +63,11 @@ class Result:
         return "; ".join(filter(None, (self.why, self.event)))
 
     @property
+    def margin_told(self) -> str:
+        """The least margin and its band in per cent; "" without physics."""
+        return in_percent(self.margin, self.margin_band)
+
+    @property
     def shown_reply(self) -> str:
         """The reply, and if it should have been another one, which; of a refusal what it means, and the last event."""
         if not self.ok and self.expected is None:
@@ -64,3 +75,18 @@ class Result:
         if self.ok or self.expected is None or self.condition:
             return self.reply
         return f"{self.reply or 'none'} (not {self.expected}: {self.why})"
+
+
+def least_band(bands: Sequence[Ends | None]) -> Ends | None:
+    """That of the least of several margins."""
+    known = [ends for ends in bands if ends is not None]
+    return (min(low for low, _ in known), min(high for _, high in known)) if known else None
+
+
+def in_percent(margins: Sequence[float | None], bands: Sequence[Ends | None]) -> str:
+    """The least of the margins and its band, `71 % (66 to 75 %)`; "" without physics."""
+    least = min((margin for margin in margins if margin is not None), default=None)
+    if least is None:
+        return ""
+    low, high = (f"{100.0 * end:.0f}" for end in least_band(bands) or (least, least))
+    return f"{100.0 * least:.0f} %{'' if low == high else f' ({low} to {high} %)'}"

@@ -16,6 +16,7 @@ What goes together is drawn together:
     inductance  of a delivery alike but for 3 %
     friction    of guides and of screws by a third in common (temperature)
     supply      the same on all axes
+    stage       of one kind on all axes (jobs/19): a decay that nobody has said, the current at rest and its delay
     stiffness   kind: downwards only, as the time step of the machine allows hardly more; known: the step is halved
 
 A job is robust if it is well (jobs/4), and all repetitions end as it does: accepted or not, and on each axis lost or
@@ -43,7 +44,7 @@ from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
 from isel_twin.machine.ranges import held
-from isel_twin.machine.spread import LAWS, Source, numbers, own, within
+from isel_twin.machine.spread import DECAYS, LAWS, MIXED_DECAY, Source, numbers, own, within
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -114,6 +115,8 @@ def perturbation(
     for of in machine.axes:
         if isinstance(of.stage, Stage) and of.stage.damping_gain:  # last, as few have it
             draws.put(f"axes.{of.name}.specimen.damping_gain", draws.of("specimen.damping_gain"))
+    later = [np.random.default_rng([seed, number, stream]) for stream in (2, 3)]  # whatever is drawn before
+    draws.stages([of.name for of in machine.axes if isinstance(of.stage, Stage)], *later)
     if source == "known":
         draws.rest()
     return twin_seed, draws.factors, draws.overrides
@@ -146,6 +149,28 @@ class _Draws:
         self.overrides[key] = held(key, drawn)
         self.factors[key] = float(factor) if self.overrides[key] == drawn else self.overrides[key] / value
 
+    def stages(self, axes: Sequence[str], random: np.random.Generator, knowledge: np.random.Generator) -> None:
+        """What is not known of the stages, which are of one kind: how a current falls, and how it is lowered at rest.
+        The factor of a kind is the part of the supply against which a current falls, 0 slow to 1 fast."""
+        whole, mixed = random.uniform(), float(random.uniform(MIXED_DECAY.low, MIXED_DECAY.high))
+        drawn = next((kind for kind, share in DECAYS if (whole := whole - share) < 0.0), DECAYS[-1][0])
+        before, self._random = (self._random, self._knowledge), random
+        self._knowledge = self._knowledge and knowledge
+        lowered, delay = self.of("stage.idle_current"), self.of("stage.idle_delay")
+        for name in axes:
+            key, stage = f"axes.{name}.stage", self._tree["axes"][name]["stage"]
+            given = isinstance(stage["kind"], str) or stage["kind"]["grade"] != "estimate"
+            kind = (stage["kind"] if isinstance(stage["kind"], str) else stage["kind"]["value"]) if given else drawn
+            if kind == "mixed" and stage["mixed_decay"]["grade"] == "estimate":
+                self.overrides[f"{key}.mixed_decay"] = mixed
+            if not given:
+                self.overrides[f"{key}.kind"] = kind
+            if not given or f"{key}.mixed_decay" in self.overrides:
+                self.factors[f"{key}.kind"] = {"slow": 0.0, "mixed": mixed}.get(kind, 1.0)
+            self.put(f"{key}.idle_current", lowered, "idle_current")
+            self.put(f"{key}.idle_delay", delay, "idle_delay")
+        self._random, self._knowledge = before
+
     def rest(self) -> None:
         """Numbers of no kind that tell an interval of their own, if anything depends on them."""
         for key, entry in numbers(self._tree):
@@ -174,6 +199,13 @@ class _Draws:
         return math.exp(size * float(np.clip(drawn, -2.0, 2.0)))
 
 
+def losses(trials: Sequence[Repetition]) -> tuple[int, int]:
+    """How many repetitions lost steps, and of how many: one that lost none and was not made to its end tells nothing
+    (jobs/18)."""
+    lost = sum(any(trial.verdict.lost) for trial in trials)
+    return lost, lost + sum(not any(trial.verdict.lost) and not trial.verdict.part for trial in trials)
+
+
 def at_most(lost: int, of: int) -> float:
     """Upper bound of the frequency of losses, with CONFIDENCE, if so many of so many were lost (Clopper and Pearson):
     the frequency at which so few would be a matter of 5 %."""
@@ -188,22 +220,6 @@ def at_most(lost: int, of: int) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if so_few(middle) > 1.0 - CONFIDENCE else (low, middle)
     return high
-
-
-def separates(trials: Sequence[Repetition]) -> tuple[str, float, float] | None:
-    """What tells losers from the others best: key, and its median factor on both sides. None with less than two of
-    either. Best: the largest share of pairs of a loser and another that stand in the same order."""
-    lost = [trial.factors for trial in trials if any(trial.verdict.lost)]
-    held = [trial.factors for trial in trials if not any(trial.verdict.lost)]
-    if len(lost) < 2 or len(held) < 2:
-        return None
-    best, found = 0.0, None
-    for key in lost[0]:
-        mine, theirs = np.array([factors[key] for factors in lost]), np.array([factors[key] for factors in held])
-        share = float((mine[:, None] > theirs).mean())
-        if abs(share - 0.5) > best:
-            best, found = abs(share - 0.5), (key, float(np.median(mine)), float(np.median(theirs)))
-    return found
 
 
 def check(call: TwinSpec, number: int, source: Source = "kind") -> None:

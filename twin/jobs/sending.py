@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.crew import Stop
@@ -20,7 +20,7 @@ from isel_twin.controller import offers
 from isel_twin.jobs import expect
 from isel_twin.jobs.expect import Condition
 from isel_twin.jobs.job import Line
-from isel_twin.jobs.result import Part, Result
+from isel_twin.jobs.result import Ends, Part, Result
 from isel_twin.jobs.why import RESTARTED, happened, meaning, referenced_astray, waits
 from isel_twin.language import RunsPrograms, readable
 
@@ -119,7 +119,7 @@ class Sent:
             end_ns=twin.time_ns,
             counts=tuple(twin.counts.tolist()),
             position_mm=tuple(twin.position_mm.tolist()),
-            margin=tuple(None if math.isnan(least) else round(least, 4) for least in twin.margin.tolist()),
+            **margins(twin),
             edge=_edges(twin) if self._edges else (),
             complete=complete,
             expected=None if line.expected is None else line.expected.text,
@@ -132,6 +132,25 @@ class Sent:
             fault_known=twin.fault_cause if expected_refusal or not twin.fault else None,
             parts=parts,
         )
+
+
+class Margins(TypedDict):
+    """Fields of `Result`."""
+
+    margin: tuple[float | None, ...]
+    margin_band: tuple[Ends | None, ...]
+
+
+def margins(twin: Twin) -> Margins:
+    """Those since `watch_margin`."""
+    from isel_twin.drives.bands import margin_band
+
+    least = tuple(None if math.isnan(margin) else round(margin, 4) for margin in twin.margin.tolist())
+    bands = tuple(
+        None if margin is None or math.isnan(torque[0]) else margin_band(margin, *torque)
+        for margin, torque in zip(least, twin.torque_band.tolist(), strict=True)
+    )
+    return {"margin": least, "margin_band": bands}
 
 
 def _edges(twin: Twin) -> tuple[float | None, ...]:

@@ -5,34 +5,24 @@ the k-th greatest outcome hold a further one in n + 1 - 2 k of n + 1 cases, what
 
     k = 1 up to 78 repetitions, then 2.5 % of them        20 repetitions: 90 %        39 and more: 95 %
 
-**What contributes.** The rank correlation of a number with the outcome, squared, is about its part of the variance. Of
-some sixty numbers the best correlates by chance, too (jobs/11); so one is named only if chance would do as much in 5 %
-of such studies at most (Fisher's z, for as many numbers as were drawn). The rest is scatter of switches and numbers
-that nobody can tell from these few repetitions.
+What contributes is in blame.py; the rest is scatter of switches and numbers that nobody can tell from these few
+repetitions.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from isel_twin.base.axes import CARRIAGES
+from isel_twin.jobs.blame import contributions
 from isel_twin.jobs.result import Result
 from isel_twin.jobs.robust import Repetition
 from isel_twin.jobs.verdict import Verdict
 
 TAIL = 0.025  # on each side, of a band of 95 %
-CHANCE = 0.05  # part of studies without any contribution in which one would be named
-NAMED = 2  # contributions named at most
 LEAST_MM = 1e-4  # band of a position that counts
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -72,11 +62,18 @@ def coverage(number: int) -> float:
     return max(0.0, 1.0 - 2.0 * outside(number) / (number + 1))
 
 
+def whole(trials: Sequence[Repetition]) -> list[Repetition]:
+    """Those that made the job to its end: the others say nothing of its time, margin and places (jobs/18)."""
+    return [one for one in trials if not one.verdict.part]
+
+
 def bands(verdict: Verdict, results: Sequence[Result], trials: Sequence[Repetition]) -> tuple[Band, ...]:
-    """Of time, margin, edge and, for each axis, the place that is known least; none of fewer than two repetitions.
+    """Of time, margin, edge and, for each axis, the place that is known least; none of fewer than two repetitions that
+    made the whole job.
 
     verdict, results: of the machine as it is.
     """
+    trials = whole(trials)
     if len(trials) < 2:
         return ()
     found = [_band("time", "s", verdict.cycle_s, [(one, one.verdict.cycle_s) for one in trials])]
@@ -135,43 +132,3 @@ def band(
     """A band of these values, two or more; drawn: the factors of the machine that each is of."""
     low, high = ends(values)
     return Band(what, unit, value, low, high, line, contributions(drawn, values))
-
-
-def contributions(drawn: Sequence[Mapping[str, float]], outcome: Sequence[float]) -> tuple[tuple[str, float], ...]:
-    """The numbers that contribute most to an outcome, with their part of its variance; those that chance explains are
-    not among them. drawn: the factors of each repetition."""
-    if len(drawn) < 5 or len(set(outcome)) == 1:
-        return ()
-    columns = _columns(drawn)
-    limit = math.tanh(
-        NormalDist().inv_cdf(1.0 - 0.5 * CHANCE / max(1, len(columns))) / math.sqrt((len(drawn) - 3) / 1.06)
-    )
-    ranks = np.array([_ranks(each) for each in (np.array(outcome), *columns.values())])
-    ranks -= ranks.mean(axis=1, keepdims=True)
-    ranks /= np.linalg.norm(ranks, axis=1, keepdims=True)
-    found = dict(zip(columns, (ranks[1:] @ ranks[0]).tolist(), strict=True))
-    best = sorted(((key, rho**2) for key, rho in found.items() if abs(rho) > limit), key=lambda one: -one[1])
-    return tuple(best[:NAMED])
-
-
-def _columns(drawn: Sequence[Mapping[str, float]]) -> dict[str, Floats]:
-    """Factors of the numbers that vary, by key; what is drawn as one for all axes once, as axes.all."""
-    found: dict[str, Floats] = {}
-    for key in drawn[0]:
-        column = np.array([factors[key] for factors in drawn])
-        if column.min() == column.max():
-            continue
-        first = key.replace(f"axes.{key.split('.')[1]}.", "axes.all.", 1) if key.startswith("axes.") else key
-        twin = next((name for name, other in found.items() if np.array_equal(other, column)), None)
-        if twin is None:
-            found[key] = column
-        elif first != key:
-            found[first] = found.pop(twin)
-    return found
-
-
-def _ranks(values: Floats) -> Floats:
-    """Ranks from 1; equal values share the mean of theirs."""
-    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: Floats = (np.cumsum(counts) - 0.5 * (counts - 1))[which]
-    return ranks

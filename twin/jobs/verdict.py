@@ -40,6 +40,7 @@ from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.core.snapshot import snapshot
 from isel_twin.jobs.odd import oddities
+from isel_twin.jobs.result import Ends, Result, in_percent, least_band
 from isel_twin.jobs.why import referenced_astray
 from isel_twin.plant import Collision
 from isel_twin.wiring import LineFaults
@@ -47,7 +48,6 @@ from isel_twin.wiring.contacts import FAULTS
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
-    from isel_twin.jobs.result import Result
 
 HALFWAY = 0.375  # distance from the nearest stable place, in slips, beyond which a rotor counts as halfway
 
@@ -106,6 +106,7 @@ class Verdict:
     time_ns: int  # time of the verdict, with the machine at rest
     machine: str
     margin: tuple[float | None, ...] = ()  # least pull-out margin of each axis in all lines; None without a motor
+    margin_band: tuple[Ends | None, ...] = ()  # of each the least `Result.margin_band`
     edge: tuple[tuple[float, int] | None, ...] = ()
     """Of each axis the least `Result.edge`, and in which line; None without one."""
     unsent: int = 0  # commands of the job that were never sent
@@ -151,6 +152,14 @@ class Verdict:
         return f"{took} of it on the line, {self.line}" if self.line_counts else f"{took} more on a line of {self.line}"
 
     @property
+    def part(self) -> str:
+        """What of the job was not made as it stands, in words; "" if it was made to its end. A number about the run is
+        one about the rest (jobs/18)."""
+        kinds = ((self.refused, "refused"), (self.unfinished, "not over"), (self.unsent, "not sent"))
+        left = ", ".join(f"{number} {what}" for number, what in kinds if number)
+        return left and f"{left}, of {self.commands + self.unsent} commands"
+
+    @property
     def controller_fault(self) -> bool:
         """True if the controller stands in an error."""
         return bool(self.fault_cause)
@@ -164,6 +173,11 @@ class Verdict:
     def least_margin(self) -> float | None:
         """The least margin of all axes; None without physics."""
         return min((margin for margin in self.margin if margin is not None), default=None)
+
+    @property
+    def margin_told(self) -> str:
+        """The least margin and its band in per cent; "" without physics."""
+        return in_percent(self.margin, self.margin_band)
 
     @property
     def least_edge(self) -> tuple[float, str, int] | None:
@@ -262,6 +276,7 @@ class Verdict:
             "events_after_end": self.events_after_end,
             "events_without_effect": self.events_without_effect,
             "margin": list(self.margin),
+            "margin_band": [ends and list(ends) for ends in self.margin_band],
             "edge": {name: self._edge_told(edge) for name, edge in zip(AXIS_NAMES, self.edge, strict=False) if edge},
             "halfway": list(self.halfway),
             "expectations": self.expectations,
@@ -321,6 +336,7 @@ def judge(
         time_ns=seen.time_ns,
         machine=twin.machine.name,
         margin=_least([result for result in results if not result.condition]),
+        margin_band=tuple(map(least_band, zip(*(r.margin_band for r in results if not r.condition), strict=True))),
         edge=_nearest([result for result in results if not result.condition]),
         expectations=sum(result.expected is not None for result in results),
         unmet=tuple(result.number for result in results if result.expected is not None and not result.ok),

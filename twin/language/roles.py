@@ -49,7 +49,7 @@ class RetimesJobs(Language, Protocol):
         """
 
     def faster(self, lines: Sequence[str], factor: float) -> Sequence[str]:
-        """The lines with all speeds of their straight moves times a factor, within what the controller takes."""
+        """The lines with all speeds of their straight moves times a factor, also beyond what the controller takes."""
 
     def permanent(self, settings: MoveSettings) -> Sequence[str]:
         """Lines that make acceleration and start-stop frequency the controller's own defaults, also after power-off;

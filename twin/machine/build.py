@@ -29,6 +29,7 @@ from isel_twin.machine.schema import (
     Contact,
     Feeler,
     Guides,
+    Holder,
     Imperfections,
     Machine,
     MachineError,
@@ -42,7 +43,10 @@ T = TypeVar("T")
 F = TypeVar("F", bound=Feeler)
 
 STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
-_KIND: Final = "fast"  # of a stage that does not say it (drives/14)
+_DECAY: Final[Mapping[str, Any]] = {  # of a stage that does not say it (drives/14)
+    "kind": {"value": "fast", "grade": "estimate", "source": "not stated; analogue choppers decay fast or mixed"},
+    "mixed_decay": {"value": 0.3, "unit": "1", "grade": "estimate", "source": "of kind mixed; driver ICs: 0.1 to 0.6"},
+}
 STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 MASS_KG = Limits("kg", 1e-3, 1e4)
 PAYLOAD_KG = Limits("kg", 0.0, 100.0)  # what tables of this class can carry
@@ -66,7 +70,7 @@ _TEXTS: Mapping[str, tuple[str, ...]] = {
 _FIXTURE: Final = "fixture"  # text: the MJCF file of what is clamped on the table; tables: its shapes
 _SECTIONS = ("axes", "masses", "payload", "structure", "switches", "contacts", "motors", "controller")
 _FIXED_SECTIONS = ("timing", "squareness", "imperfections")
-_OPTIONAL = ("supply", "spindle", "probe", "plate", "cam", "guides")
+_OPTIONAL = ("supply", "spindle", "holder", "probe", "plate", "cam", "guides")
 
 
 def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Machine:
@@ -134,6 +138,7 @@ def build(tree: dict[str, Any], file: Path, like: Machine | None = None) -> Mach
         axes=axes,
         supply=fixed("supply", Supply) if "supply" in tree else None,
         spindle=fixed("spindle", Spindle) if "spindle" in tree else None,
+        holder=fixed("holder", Holder) if "holder" in tree else None,
         probe=_feeler("probe", Probe),
         plate=_feeler("plate", Feeler),
         masses_kg={
@@ -199,7 +204,7 @@ def _complete(tree: dict[str, Any]) -> None:
             if isinstance(own := axis.get("specimen"), dict):
                 whole["specimen"] = {**_AS_ITS_SHEET, **own}
             if isinstance(stage := axis.get("stage"), dict):
-                whole["stage"] = {"kind": _KIND, **stage}
+                whole["stage"] = {**_DECAY, **stage}
             if whole != axis:
                 tree["axes"] = axes = {**axes, name: whole}
 

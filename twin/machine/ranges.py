@@ -19,7 +19,7 @@ from isel_twin.drives.spindle import Spindle
 from isel_twin.drives.stage import Stage
 from isel_twin.drives.supply import Supply
 from isel_twin.machine.build import MASS_KG, PAYLOAD_KG, STEPS_PER_REV, STRIBECK_MM_S
-from isel_twin.machine.schema import Axis, Contact, Feeler, Guides, Mode, Probe, Squareness, Timing
+from isel_twin.machine.schema import Axis, Contact, Feeler, Guides, Holder, Mode, Probe, Squareness, Timing
 
 ANY = Limits("", -math.inf, math.inf)
 # classes whose fields are the keys of a section, of its tables by name, and of the tables inside an axis
@@ -28,6 +28,7 @@ _FIELDS: Mapping[str, tuple[Any, ...]] = {
     "squareness": (Squareness,),
     "supply": (Supply,),
     "spindle": (Spindle,),
+    "holder": (Holder,),
     "probe": (Probe,),
     "plate": (Feeler,),
     "guides": (Guides,),

@@ -270,6 +270,16 @@ class Probe(Feeler):
 
 
 @dataclass(frozen=True)
+class Holder:
+    """What holds the tool: collet, spindle nose and bearings, across at the end of the collet."""
+
+    stiffness_n_per_m: float = number("N/um", 0.1, 1000.0, key="stiffness", scale=1e6)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
 class Machine:
     """A machine as its folder describes it. It is shared: do not change its tables."""
 
@@ -288,6 +298,7 @@ class Machine:
     axes: tuple[Axis, Axis, Axis]
     supply: Supply | None  # common to all stages; None: the file has none
     spindle: Spindle | None  # None: the contactor switches a spindle of which no more is known
+    holder: Holder | None  # None: the file has none, and tools bend alone
     probe: Probe | None  # None: the file has none
     plate: Feeler | None  # what fixtures that are plates are; None: the file has none
     masses_kg: Mapping[str, float]  # by name of the body in the MuJoCo model

@@ -188,7 +188,8 @@ class Plant(Protocol):
 
     @property
     def position_mm(self) -> NDArray[np.float64]:
-        """float64 [3], true carriage positions X, Y, Z in machine coordinates, at the time last advanced to."""
+        """float64 [3], true carriage positions X, Y, Z in machine coordinates, at the time last advanced to, as a gauge
+        at the tip of the tool shows them: with what frame and tool give."""
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:

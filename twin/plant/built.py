@@ -199,7 +199,7 @@ def _parts(
         own[name] = room[first : first + sizes[name]].view(kind).reshape(shape)
         first += sizes[name]
     parts = Parts(
-        samples=np.zeros((memory.SAMPLES, 2 + 2 * (nv + commands) + 3 * memory.AXES)),
+        samples=np.zeros((memory.SAMPLES, 4 + 2 * (nv + commands) + 3 * memory.AXES)),
         found=data.sensordata,
         qpos=data.qpos,
         qvel=data.qvel,

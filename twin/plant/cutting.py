@@ -27,7 +27,14 @@ none is thicker than the cutter's radius.
 
 On a machine with a spindle the teeth turn with it, and load it (`turn`, `torque_nm`).
 
-Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, wear.
+A tool of which it is said how far it sticks out bends (plant/28): a cantilever of two parts, loaded at its end, on the
+spring of its holder. The tip goes with the force, behind a lag of T, without mass: 3 mm of carbide, 20 mm out, ring at
+6 kHz. Where the tool is includes it; chips do not, as with the frame.
+
+    tip / F = 1 / k_holder + 64 / (3 pi E) (l^3 / (core D)^4 + (L^3 - l^3) / shank^4)     L: stickout, l: fluted part
+
+Not modelled: removal of material (the event gives the depth), feed along Z, helix and edge radius, wear; a tool that
+leans in its holder, and a force above its end (0.75 depth / L of the bending less).
 """
 
 from __future__ import annotations
@@ -38,7 +45,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.parameters import check, flag, number
+from isel_twin.base.parameters import check, flag, number, word
 
 # state of a cut; all zero: none
 CUT = np.dtype(
@@ -64,10 +71,15 @@ CUT = np.dtype(
         ("y_n", "f8"),
         ("sum_x_n", "f8"),  # sums of this window
         ("sum_y_n", "f8"),
+        ("tool_m_per_n", "f8"),  # by which tool and holder give way
+        ("bend_m", "f8", (2,)),  # of the tip over the spindle along X and Y, behind the lag
     ],
     align=True,
 )
 
+MODULUS_PA = {"carbide": 600e9, "hss": 210e9}  # Young's, of fine-grained grades: 580 to 620; of steels: 200 to 220
+CORE = 0.8  # of the diameter: a shaft that bends as the fluted part does; 0.75 to 0.85 by number of flutes (Kops, Vo)
+FLUTED = 2.5  # diameters that are fluted: the short and long rows of DIN 6527 have 2 to 2.7
 
 _CHORDS = 64  # of the arc of engagement, where the torque has no closed form: 1e-4 of it
 
@@ -90,11 +102,31 @@ class Cut:
     edge_n_mm: float = number("N/mm", 0.0, 1000.0, key="edge", optional=True, default=0.0)
     edge_radial_n_mm: float = number("N/mm", 0.0, 1000.0, key="edge_radial", optional=True, default=0.0)
     climb: bool = flag(default=True)  # the material is on the right of the feed; without effect in a slot
+    # of the tool out of its holder; 0: it does not bend
+    stickout_mm: float = number("mm", 0.0, 300.0, key="stickout", optional=True, default=0.0)
+    # diameter of what is not fluted; 0: that of the cutter
+    shank_mm: float = number("mm", 0.0, 100.0, key="shank", optional=True, default=0.0)
+    flute_length_mm: float = number(
+        "mm", 0.0, 300.0, key="flute_length", optional=True, default=0.0
+    )  # 0: 2.5 diameters
+    tool_material: str = word(*MODULUS_PA, default="carbide")
 
     def __post_init__(self) -> None:
         check(self)
+        if not self.stickout_mm and (self.shank_mm or self.flute_length_mm):
+            raise ValueError("cut: shank and flute_length are those of a tool that bends; give its stickout, too")
         if self.width_mm > self.diameter_mm:
             raise ValueError(f"cut: width must be at most the diameter, {self.diameter_mm:g} mm, not {self.width_mm!r}")
+
+
+def tool_m_per_n(cut: Cut, holder_n_per_m: float) -> float:
+    """By how much the tip gives way across the tool, with the holder; 0 for a tool of no stickout."""
+    if not cut.stickout_mm:
+        return 0.0
+    fluted_mm = min(cut.stickout_mm, cut.flute_length_mm or FLUTED * cut.diameter_mm)
+    fluted = fluted_mm**3 / (CORE * cut.diameter_mm) ** 4
+    smooth = (cut.stickout_mm**3 - fluted_mm**3) / (cut.shank_mm or cut.diameter_mm) ** 4
+    return 1.0 / holder_n_per_m + 64e3 / (3.0 * math.pi * MODULUS_PA[cut.tool_material]) * (fluted + smooth)
 
 
 def torque_nm(cut: Cut, feed_mm_s: float, turns_rev_min: float) -> float:
@@ -127,7 +159,14 @@ def turn(cuts: NDArray[np.void], turns_rev_min: float, now: int, substep_s: floa
     record["gain"] = -math.expm1(-substep_s * turns_hz * record["flutes"])
 
 
-def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float, left: float) -> None:
+def set_cut(
+    cuts: NDArray[np.void],
+    cut: Cut | None,
+    now: int,
+    substep_s: float,
+    left: float,
+    holder_n_per_m: float = math.inf,
+) -> None:
     """Begin a cut in cuts[0], or end it. now: sub-step; left: +1 if left of X is Y, seen from above, -1 if -Y.
 
     The sums of the window so far stay.
@@ -136,6 +175,7 @@ def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float,
     record["on"] = cut is not None
     for name in ("x_m_s", "y_m_s", "x_n", "y_n"):
         record[name] = 0.0
+    record["bend_m"] = 0.0
     if cut is None:
         return
     angle = math.acos(1.0 - 2.0 * cut.width_mm / cut.diameter_mm)
@@ -154,3 +194,4 @@ def set_cut(cuts: NDArray[np.void], cut: Cut | None, now: int, substep_s: float,
     record["enter_rad"] = math.pi - angle if cut.climb else 0.0
     record["leave_rad"] = math.pi if cut.climb else angle
     record["left"] = left
+    record["tool_m_per_n"] = tool_m_per_n(cut, holder_n_per_m)

@@ -50,6 +50,7 @@ from isel_twin.plant.native import call_mj_step
 
 REST_M_S = 5e-6  # speed below which a joint counts as at rest
 HELD_M_S2 = 1e-3  # constraint acceleration beyond friction that counts as a carriage held; rounding is far below
+LEAST_BEND_M = 1e-9  # of a tool, below which the machine may rest
 SHAKEN_M_S = 0.25  # speed of a joint of the structure beyond which windows become fine
 CALM = 40  # fine windows without it, after which they are as usual again
 FAR_M = 1e3  # a joint beyond this has run away
@@ -150,6 +151,8 @@ def _leave_window(memory):
             qfrc[j] += (tip_joints[0, j] * cut.sum_x_n + tip_joints[1, j] * cut.sum_y_n) / plant.window
         cut.sum_x_n = 0.0
         cut.sum_y_n = 0.0
+    if cut.on and max(abs(cut.bend_m[0]), abs(cut.bend_m[1])) > LEAST_BEND_M:
+        quiet = False
     if feeler.on:
         for i in range(AXES):
             feeler.mean_n[i] = feeler.sum_n[i] / plant.window
@@ -200,6 +203,8 @@ def _leave_window(memory):
             before[j] = qpos[j]
         cut.x_m_s = 0.0
         cut.y_m_s = 0.0
+        cut.bend_m[0] = 0.0
+        cut.bend_m[1] = 0.0
     if plant.uneven:
         thread.feel(parts.screws, axes, parts.drives, parts.states)
     begin_window(memory)
@@ -298,8 +303,8 @@ def _look(memory):
 @njit(inner=True, nogil=True, error_model="numpy")
 def _take(memory, at):
     """Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv],
-    commanded and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage. Places are those
-    `sample_ahead_ns` after it."""
+    commanded and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage, bending of the
+    tool [2]. Places are those `sample_ahead_ns` after it."""
     parts = parts_of(memory)
     plant, axes = parts.plant[0], parts.axes
     if plant.sampled == parts.samples.shape[0]:
@@ -333,6 +338,8 @@ def _take(memory, at):
         row[at_axes + AXES + i] = axis.margin
         row[at_axes + 2 * AXES + i] = axis.mean_nut_n
     row[at_axes + 3 * AXES] = parts.supply[0].voltage_v if parts.supply[0].on else math.nan
+    for i in range(2):
+        row[at_axes + 3 * AXES + 1 + i] = parts.cut[0].bend_m[i]
 
 
 @njit(inner=True, nogil=True, error_model="numpy")
@@ -482,6 +489,7 @@ def advance(memory, until_ns, t_ns, delta, early_lead_ns, lead_ns):
         if cut.on:
             x_m_s = drives[0].travel_m_per_rad * states[0].omega_rad_s
             teeth.bite(cut, plant.now, x_m_s, drives[1].travel_m_per_rad * states[1].omega_rad_s)
+            teeth.bend(cut)
         for i in range(AXES):
             axis = axes[i]
             x_mid_m = axis.x_m + 0.5 * dt_s * axis.v_m_s

@@ -256,7 +256,9 @@ class MujocoPlant(LoopSamples):
     def set_cut(self, cut: Cut | None) -> None:
         kernel.wake(self._memory)
         share_tip(self.built)
-        set_cut(self.parts.cut, cut, int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.frame.left)
+        now, substep_s, holder = int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.machine.holder
+        stiffness_n_per_m = math.inf if holder is None else holder.stiffness_n_per_m
+        set_cut(self.parts.cut, cut, now, substep_s, self.built.frame.left, stiffness_n_per_m)
 
     def turn_cut(self, speed_rev_min: float) -> None:
         if self.parts.cut["on"][0]:
@@ -267,7 +269,10 @@ class MujocoPlant(LoopSamples):
     @property
     def position_mm(self) -> NDArray[np.float64]:
         """As the drives see it; within a sub-step extrapolated by its velocity."""
-        return along_guides_mm(self.built.machine, self.built.shape_mm @ self.parts.place)
+        position_mm = along_guides_mm(self.built.machine, self.built.shape_mm @ self.parts.place)
+        if self.parts.cut["on"][0]:
+            return self._bent_mm(position_mm, self.parts.cut["bend_m"][0])
+        return position_mm
 
     @property
     def velocity_mm_s(self) -> NDArray[np.float64]:

@@ -54,15 +54,15 @@ class LoopSamples:
         rows = parts.samples[: self.samples_waiting].copy()
         self._plant["sampled"] = 0
         joints, commands = len(parts.qpos), len(parts.commanded)
-        widths = (1, joints, joints, commands, commands, *[memory.AXES] * 3, 1)
+        widths = (1, joints, joints, commands, commands, *[memory.AXES] * 3, 1, 2)
         ends = itertools.accumulate(widths)
         columns = (rows[:, end - width : end] for width, end in zip(widths, ends, strict=True))
-        now, place, rates, commanded, rotor, current, margin, force_n, supply_v = columns
+        now, place, rates, commanded, rotor, current, margin, force_n, supply_v, bend_m = columns
         margins = np.full((len(rows), commands), np.nan)
         margins[:, : memory.AXES] = margin
         return Samples(
             time_ns=now[:, 0].astype(np.int64) * self._substep_ns + self._plant["sample_ahead_ns"],
-            position_mm=along_guides_mm(self.built.machine, _each(shape_mm, place)),
+            position_mm=self._bent_mm(along_guides_mm(self.built.machine, _each(shape_mm, place)), bend_m),
             velocity_mm_s=_each(shape_mm, rates),
             commanded=commanded[:, :count].astype(np.int64),
             rotor=rotor[:, :count],
@@ -71,6 +71,12 @@ class LoopSamples:
             force_n=force_n,
             supply_v=supply_v[:, 0],
         )
+
+    def _bent_mm(self, position_mm: NDArray[np.float64], bend_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions [..., 3] of a tool that is bent by [..., 2] along X and Y, in place."""
+        if bend_m.any():
+            position_mm[..., :2] += 1e3 * bend_m
+        return position_mm
 
     def keep_grid(self, grid: Mapping[str, NDArray[Any]], sample_at: int) -> None:
         """After the loop's state was restored: drop unread samples and go on with this grid.

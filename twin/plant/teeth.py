@@ -47,3 +47,10 @@ def bite(cut, now, x_m_s, y_m_s):
     cut.y_n = along * cut.y_m_s + leftwards * cut.x_m_s
     cut.sum_x_n += cut.x_n
     cut.sum_y_n += cut.y_n
+
+
+@njit(inner=True, nogil=True, error_model="numpy")
+def bend(cut):
+    """Where the tip of the tool is after a sub-step with the forces that `bite` found."""
+    cut.bend_m[0] += cut.gain * (cut.tool_m_per_n * cut.x_n - cut.bend_m[0])
+    cut.bend_m[1] += cut.gain * (cut.tool_m_per_n * cut.y_n - cut.bend_m[1])

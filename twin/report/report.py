@@ -136,9 +136,9 @@ def _facts(summary: Mapping[str, Any]) -> str:
 
 
 def _limits(checked: Report, bounds: Bounds) -> str:
-    margin = "none" if checked.verdict.least_margin is None else f"{100.0 * checked.verdict.least_margin:.0f} %"
     nearest = checked.verdict.least_edge
     edge = "none" if nearest is None else f"{nearest[0]:.2f} ({nearest[1].upper()}, line {nearest[2]})"
+    margin = checked.verdict.margin_told or "none"
     measured = {"margin": margin, "edge": edge, "cycle": f"{checked.verdict.cycle_s:.3f} s"}
     rows = []
     for name, rule in RULES.items():
@@ -250,7 +250,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
     head = [("line", False), ("time / s", False), ("took / s", False), ("command", True), ("reply", True)]
     head += [(f"count {axis.upper()}", False) for axis in AXIS_NAMES[:axes]]
     head += [(f"{axis.upper()} / mm", False) for axis in CARRIAGES]
-    head += [("margin / %", False), ("edge", False)] if with_margin else []
+    head += [("margin", False), ("edge", False)] if with_margin else []
     head += [("findings", True)] if wrong else []
     named: set[int] = set()
     rows = []
@@ -264,8 +264,7 @@ def _commands(results: Sequence[Result], axes: int, findings: Sequence[Finding])
         cells += "".join(f"<td>{count}</td>" for count in result.counts)
         cells += "".join(f"<td>{position:.4f}</td>" for position in result.position_mm)
         if with_margin:
-            least = min((margin for margin in result.margin if margin is not None), default=None)
-            cells += f"<td>{'' if least is None else f'{100.0 * least:.0f}'}</td>"
+            cells += f"<td>{result.margin_told}</td>"
             edge = min((edge for edge in result.edge if edge is not None), default=None)
             cells += f"<td>{'' if edge is None else f'{edge:.2f}'}</td>"
         if wrong:

@@ -1,6 +1,7 @@
 """From motion and operators back to input levels: contacts, cabinet, serial line and scenarios.
 
 wiring.py     all of it as one object
+trips.py      where switches and feeler act next
 contacts.py   contacts, series circuits, bounce, broken wires -> terminal levels
 cabinet.py    operator elements, hood, safety relay, spindle contactor; spindle.py: what it switches
 line.py       the serial line: byte times and noise
@@ -20,6 +21,7 @@ from isel_twin.wiring.event import EVENT_KEYS, ScenarioEvent, event_now
 from isel_twin.wiring.line import LineFaults, SerialLine
 from isel_twin.wiring.scenario import ScenarioError, load_scenario, read_events, scenario_text
 from isel_twin.wiring.schedule import Schedule
+from isel_twin.wiring.trips import TripPoints
 from isel_twin.wiring.when import Trigger
 from isel_twin.wiring.wiring import Wiring, outputs, settable, thresholds
 
@@ -36,6 +38,7 @@ __all__ = [
     "Schedule",
     "SerialLine",
     "Trigger",
+    "TripPoints",
     "Wiring",
     "check_input",
     "cut_table",

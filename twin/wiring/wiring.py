@@ -36,10 +36,10 @@ from isel_twin.wiring.event import ScenarioEvent
 from isel_twin.wiring.line import SerialLine
 from isel_twin.wiring.scenario import ScenarioError
 from isel_twin.wiring.schedule import Decoder, Schedule
+from isel_twin.wiring.trips import TripPoints
 from isel_twin.wiring.when import Trigger
 
 PASSED_MM = 0.05  # hysteresis of positions that events wait for
-KEPT = 0.9  # largest part of its hysteresis by which a switch's trip point moves inwards from one time to the next
 
 
 def settable(machine: Machine) -> Settable:
@@ -57,20 +57,20 @@ def outputs(machine: Machine) -> tuple[str, ...]:
 
 
 def thresholds(
-    machine: Machine, drive_inputs: Sequence[DriveInput], schedule: Schedule | None = None
+    machine: Machine, drive_inputs: Sequence[DriveInput], trips: TripPoints, schedule: Schedule | None = None
 ) -> list[Threshold]:
     """What the plant must watch: position switches, quantities of `drive_inputs`, positions that events wait for
     (wiring/10), and the feeler, if the machine has one."""
     switches = [
-        Threshold(CARRIAGES.index(s.axis), "position", s.position_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
-        for s in machine.switches
+        Threshold(CARRIAGES.index(s.axis), "position", trip_mm, -1 if s.end == "motor" else 1, s.hysteresis_mm)
+        for s, trip_mm in zip(machine.switches, trips.switches_mm, strict=True)
     ]
     places = [
         Threshold(CARRIAGES.index(wait.name), "position", float(wait.value), wait.sense, PASSED_MM)
         for wait in (schedule.positions if schedule is not None else ())
     ]
     feeler = machine.feeler
-    touch = [] if feeler is None else [Threshold(0, "touch", feeler.pretravel_mm, 1, feeler.hysteresis_mm)]
+    touch = [] if feeler is None else [Threshold(0, "touch", trips.feeler_mm, 1, feeler.hysteresis_mm)]
     return switches + [Threshold(i.axis, i.quantity, i.limit, 1, i.hysteresis) for i in drive_inputs] + places + touch
 
 
@@ -82,18 +82,17 @@ class Wiring:
         line: SerialLine,
         terminals: Mapping[str, tuple[str, ...]],
         drive_inputs: Sequence[DriveInput],
-        trips: np.random.Generator,
+        trips: TripPoints,
         bounces: np.random.Generator,
         schedule: Schedule | None = None,
     ) -> None:
         """Wire a machine to a controller's `terminals`. plant: built with the `thresholds` of the same machine, drive
-        inputs and schedule. trips, bounces: random generators of trip points and bounces."""
+        inputs, trip points and schedule. bounces: random generator."""
         self.plant = plant
         self.line = line
         self._switches: tuple[Contact, ...] = machine.switches
         self._drive_terminals = tuple(drive_input.terminal for drive_input in drive_inputs)
         self._trips = trips
-        self._trip_mm = [switch.position_mm for switch in machine.switches]  # next trip point of each
         self._cabinet = CABINETS[machine.cabinet]()
         self.contacts = Contacts(machine.contacts, terminals, self._cabinet.signals, bounces)
         self._heat = StageHeat(plant.stages)
@@ -118,8 +117,7 @@ class Wiring:
         self._stirred = False  # the power of the drives may have changed since `settle` was called
         self._signals: Mapping[str, bool] = {}  # the cabinet's contacts at the last update of the terminals
         self._active = plant.trips()
-        self._feeler = machine.feeler
-        self._touch = len(self._active) - (self._feeler is not None)  # number of its threshold, if there is one
+        self._touch = len(self._active) - (machine.feeler is not None)  # number of its threshold, if there is one
         self._cabinet.touch(bool(self._active[self._touch :].any()))
         for switch, struck in zip(self._switches, self._active, strict=False):
             self.contacts.set_closed(switch.name, bool(struck) != (switch.type == "opener"))
@@ -351,7 +349,7 @@ class Wiring:
                 if active[number] and switch.axis in self._sought and self.contacts.heeded(switch.name):
                     self._sought[switch.axis] = True
                 if not active[number]:
-                    self._draw_trip_point(number)
+                    self.plant.set_trip_point(number, self._trips.next_of(number, switch))
             elif number == self._touch:
                 self._touched(bool(active[number]))
             elif number >= self._places:
@@ -393,23 +391,10 @@ class Wiring:
 
     def _touched(self, touched: bool) -> None:
         """Let the feeler close or open its contact; from then on its next trip point counts."""
-        assert self._feeler is not None
         self._cabinet.touch(touched)
-        if not touched and self._feeler.repeatability_mm > 0.0:
-            trip_mm = self._feeler.pretravel_mm + self._trips.normal(0.0, self._feeler.repeatability_mm)
-            self.plant.set_trip_point(self._touch, max(trip_mm, 0.0))
+        if not touched:
+            self.plant.set_trip_point(self._touch, self._trips.next_of_feeler())
         self._settle_cabinet()
-
-    def _draw_trip_point(self, number: int) -> None:
-        """Draw the next trip point of a switch that has just been released, not beyond the carriage (wiring/12)."""
-        switch = self._switches[number]
-        inwards = 1.0 if switch.end == "motor" else -1.0
-        nearest_mm = self._trip_mm[number] + inwards * KEPT * switch.hysteresis_mm
-        trip_mm = switch.position_mm + self._trips.normal(0.0, switch.repeatability_mm)
-        if switch.hysteresis_mm > 0.0 and inwards * (trip_mm - nearest_mm) > 0.0:
-            trip_mm = nearest_mm
-        self._trip_mm[number] = trip_mm
-        self.plant.set_trip_point(number, trip_mm)
 
     def _settle_cabinet(self) -> None:
         """Set contacts from the cabinet, let it read them as wired, and switch the power of the stages."""

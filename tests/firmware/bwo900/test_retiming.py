@@ -76,3 +76,14 @@ def test_the_way_stays_and_takes_less() -> None:
 
 def test_nothing_is_permanent() -> None:
     assert LANGUAGE.permanent(FAST) == ()
+
+
+def test_a_file_without_its_last_line_end_is_made_as_with_it() -> None:
+    text = "N10 G90 G53\nN20 G1 X6 F600\nN30 M30"
+    ends = []
+    for end in ("", "\n"):
+        twin = Twin(controller="bwo900", machine="4030-servo", plant="kinematic", start_mm=(5.0, 5.0, 5.0))
+        job = played(twin, parse_job(text + end, LANGUAGE, "bwo900"))
+        assert job.ok, job.verdict.problems()
+        ends.append((job.verdict.counts, job.verdict.ended_ns))
+    assert ends[0] == ends[1]

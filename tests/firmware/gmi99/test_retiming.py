@@ -83,11 +83,11 @@ def test_what_is_no_command_stays() -> None:
     assert LANGUAGE.faster(lines, 2.0) == lines
 
 
-def test_faster_scales_top_speeds_and_feeds_within_what_the_card_takes() -> None:
+def test_faster_scales_top_speeds_and_feeds_also_beyond_what_the_card_takes() -> None:
     assert LANGUAGE.faster(["M40000", "B100", "f5000 | 81h 9", "M900000;0"], 2.0) == [
-        "M80000", "B100", "f10000 | 81h 9", "M1000000"
+        "M80000", "B100", "f10000 | 81h 9", "M1800000"
     ]  # fmt: skip
-    assert LANGUAGE.faster(["M40", "f3"], 0.01) == ["M5", "f1"]
+    assert LANGUAGE.faster(["M40", "f3"], 2.5) == ["M100", "f8"]
 
 
 def test_the_way_stays_and_takes_less() -> None:

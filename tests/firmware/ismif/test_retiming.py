@@ -52,12 +52,12 @@ def test_what_is_no_line_of_the_manual_stays() -> None:
     assert LANGUAGE.faster(lines, 2.0) == lines
 
 
-def test_faster_scales_end_speeds_within_what_the_interface_puts_out() -> None:
-    """65 to 5000 Hz."""
+def test_faster_scales_end_speeds_also_beyond_what_the_interface_puts_out() -> None:
+    """65 to 5000 Hz; more is refused."""
     assert LANGUAGE.faster(["#S300", "#E1,1200", "#E2,3000", "#R50", "L1,X5<1>"], 2.0) == [
-        "#S300", "#E1,2400", "#E2,5000", "#R50", "L1,X5<1>"
+        "#S300", "#E1,2400", "#E2,6000", "#R50", "L1,X5<1>"
     ]  # fmt: skip
-    assert LANGUAGE.faster(["#E1,100"], 0.1) == ["#E1,65"]
+    assert LANGUAGE.faster(["#E1,4000"], 1.5) == ["#E1,6000"]
 
 
 def test_the_way_stays_and_takes_less() -> None:

@@ -35,9 +35,8 @@ MACHINES = 20
 
 
 def test_intervals_hold_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """85 to 95 % of the truths in intervals of 90 %; of twenty, by the binomial distribution, 14 at least. Laws and
-    numbers behind factors, on which no interval depends, are left out, as in the study (coverage.py)."""
-    monkeypatch.setattr(fit_module, "compete", lambda *_: ())
+    """85 to 95 % of the truths in intervals of 90 %; of twenty, by the binomial distribution, 14 at least. Numbers
+    behind factors, on which no interval depends, are left out, as in the study (coverage.py)."""
     monkeypatch.setattr(fit_module, "behind_factors", lambda *_: ((), ()))
     machine = load_machine(near_switches(tmp_path, 2.0))
     unknowns = [unknown(machine, name) for name in NAMES]
@@ -128,7 +127,7 @@ def test_an_interval_is_as_wide_as_the_likelihood_wants(curve: float, lower: flo
 
     model = stub(residuals, lambda us: [residuals(u) for u in us])
     jacobian = np.array([[20.0], [0.0]])
-    ends = profile(model, 1, np.zeros(1), jacobian, np.zeros((2, 0)), np.array([[deviation**2]]), 0.5)
+    ends = profile(model, 1, np.zeros(1), jacobian, np.zeros((2, 0)), np.array([[deviation**2]]), np.ones(2))
     assert ends[0] / (1.96 * deviation) == pytest.approx([lower, upper], rel=0.01)
 
 
@@ -145,7 +144,13 @@ def test_each_end_of_each_parameter_is_tried_with_the_others_where_they_are_best
         return plane @ u * (0.5 if beyond else 1.0) + np.array([1.0 if beyond else 0.0, 0.0, 2.0])
 
     ends = profile(
-        stub(residuals, lambda us: [residuals(u) for u in us]), 2, np.zeros(2), plane, np.zeros((3, 0)), covariance, 0.7
+        stub(residuals, lambda us: [residuals(u) for u in us]),
+        2,
+        np.zeros(2),
+        plane,
+        np.zeros((3, 0)),
+        covariance,
+        np.ones(3),
     )
     at = 1.96 * covariance[:, 1] / math.sqrt(covariance[1, 1])
     a, r = plane[:, 0], residuals(at)
@@ -166,7 +171,7 @@ def test_an_end_is_no_farther_than_can_be_told_and_what_is_unknown_is_not_asked(
 
     model = stub(lambda u: np.zeros(1), predictions)
     covariance = np.diag([0.01**2, 0.95**2])
-    ends = profile(model, 2, np.zeros(2), np.array([[100.0, 0.0]]), np.zeros((1, 0)), covariance, 1.0)
+    ends = profile(model, 2, np.zeros(2), np.array([[100.0, 0.0]]), np.zeros((1, 0)), covariance, np.ones(1))
     assert asked == [2]
     assert ends[0] == pytest.approx(FARTHEST * 1.96 * 0.01)
     assert ends[1] == pytest.approx(1.96 * 0.95)

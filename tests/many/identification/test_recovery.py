@@ -15,6 +15,7 @@ import pytest
 
 from isel_twin.cli import main
 from isel_twin.machine import load_machine, with_overrides
+from isel_twin.many.identification import fit as fit_module
 from isel_twin.many.identification import replays as replays_module
 from isel_twin.many.identification import trajectory as trajectory_module
 from isel_twin.many.identification.fit import fit
@@ -146,14 +147,15 @@ def test_what_the_data_tell_is_found_back_and_what_they_do_not_is_named() -> Non
 
 
 def test_what_is_not_recovered_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A coast finds its friction back; had it not, the number would be an estimate."""
+    """A coast finds its friction back; had it not, the number would be a fitted one."""
     assert len(SPEEDS_MM_S) >= 8
+    monkeypatch.setattr(fit_module, "PROVEN", {"guide_friction"})
     monkeypatch.setattr(replays_module, "predict", lambda session, one: np.array(coasted_mm(one)))
     day = stand_alone("day", coasts(), CONTROLLER)
     found = fit(MACHINE, [unknown(MACHINE, "axes.x.guide_friction")], [day], [], gate=True)
     assert found.unrecovered == ()
     lost = replace(found, unrecovered=("guide_friction",))
-    for result, grade in ((found, "measured"), (lost, "estimate")):
+    for result, grade in ((found, "measured"), (lost, "fitted")):
         text = patch(result, MACHINE, "4030", "found", CONTROLLER, ["day"], ["other"])
         assert f'grade = "{grade}", interval' in text
     assert "guide_friction: put elsewhere by a standard deviation, the fit does not find it back" in lost.doubts[0]

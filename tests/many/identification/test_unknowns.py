@@ -74,6 +74,7 @@ def test_an_imperfection_that_is_looked_for_is_on() -> None:
     assert found.imperfections.lead_error
     assert found.axes[0].screw.lead_error == pytest.approx(5e-4)
     assert lead.prior == 0.0  # it is off in the file, whatever number stands there
+    assert lead.low < -0.22 < 0.22 < lead.high, "a router with screws sold as C7 was 0.22 % off"
 
 
 def test_settings_of_a_controller_are_whole_where_the_file_has_whole_numbers() -> None:

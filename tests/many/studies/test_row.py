@@ -162,12 +162,15 @@ def test_perturbed_machines_are_those_of_run_robust(plans: Path) -> None:
 def test_seeds_may_be_machines_that_this_one_may_be(plans: Path) -> None:
     text = "@07\n@0R7\n@0A3200,8000,0,30,0,30,0,30\n"
     (plans / "job.txt").write_text(text, encoding="utf-8")
-    head = HEAD.replace("kinematic", "mujoco").replace("start_mm =", 'perturbed = "uncertain"\nseeds = [1]\nstart_mm =')
+    head = HEAD.replace("kinematic", "mujoco").replace("start_mm =", 'perturbed = "uncertain"\nseeds = [2]\nstart_mm =')
     (row,) = rows(plan(plans, head))
     lines = parse_job(text, Twin(plant="kinematic").language, "imc-s8")
     call = TwinSpec(start_mm=(2.0, 2.0, 2.0))
-    (trial,) = repetitions(call, lines, 1, timeout_s=60.0, source="known")
+    *_, trial = repetitions(call, lines, 2, timeout_s=60.0, source="known")  # its stages decay fast, and keep a margin
     assert (row["margin"], row["cycle_s"]) == (trial.verdict.least_margin, trial.verdict.cycle_s)
+    bands = [ends for ends in trial.verdict.margin_band if ends is not None]
+    assert row["margin_low"] == min(low for low, _ in bands) < row["margin"]
+    assert row["margin_high"] == min(high for _, high in bands) > row["margin"]
     with pytest.raises(PlanError, match="perturbed: 'no'; allowed: true, false, 'uncertain'"):
         load_plan(plan(plans, head.replace('"uncertain"', '"no"')))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Problem
 
 TEXT = """# a small job
@@ -18,4 +19,5 @@ BRAVE = {"speed_hz": 40_000, "acceleration_hz_per_ms": 4000, "start_stop_hz": 40
 
 
 def problem(**words: object) -> Problem:
-    return Problem(TEXT, **{"repetitions": 1, **words})
+    """Of a machine whose stages are known."""
+    return Problem(TEXT, **{"repetitions": 1, "call": TwinSpec(overrides={"axes.all.stage.kind": "fast"}), **words})

@@ -345,7 +345,8 @@ class _Program:
                 cut = cut or min(begin + PIECE, end)
                 yield encoded(_ENDS.sub("\r\n", self.text[begin:cut]))
                 begin = cut
-        yield encoded(f"{END}\r\n") + END_OF_FILE + END_OF_LINE
+        ended = self.text.endswith(("\n", "\r"), 0, self.spans[-1][1])  # a file may lack its last line end
+        yield encoded(("" if ended else "\r\n") + f"{END}\r\n") + END_OF_FILE + END_OF_LINE
 
 
 def _programs(text: str) -> Iterator[_Program]:

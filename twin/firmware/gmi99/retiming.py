@@ -18,7 +18,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from isel_twin.firmware.gmi99.actions import TOP_SPEED_HZ
 from isel_twin.firmware.gmi99.settings import Settings
 from isel_twin.language import JobMove, MoveSettings
 
@@ -86,14 +85,13 @@ def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz
 
 
 def faster(lines: Sequence[str], factor: float) -> list[str]:
-    """The lines with all top speeds and feeds that they set times a factor, within what the card takes."""
+    """The lines with all top speeds and feeds that they set times a factor; the card refuses those beyond its range."""
 
     def scaled(frame: str) -> str:
         found = _SETS.fullmatch(frame)
         if found is None or found[1] == "B":
             return frame
-        low, high = (1 if found[1] == "f" else TOP_SPEED_HZ[0]), TOP_SPEED_HZ[1]
-        return f"{found[1]}{min(max(round(int(found[2]) * factor), low), high)}"
+        return f"{found[1]}{round(int(found[2]) * factor)}"
 
     made = []
     for line in lines:

@@ -26,7 +26,6 @@ STRAIGHT = frozenset("AM")  # moves with pairs of steps and speed (2.2.2, 2.2.18
 OTHER_MOTIONS = frozenset("ywZS")
 OTHER_WAYS = frozenset("ywS")  # which may end where they began
 SECOND_Z = slice(6, 7)  # its steps among the values of a move
-SPEED_HZ = (30, 40_000)  # that some profile takes
 PAUSES = re.compile(r"(<[^<>]*s>\s*)+")  # lines that send nothing
 FORGETTING = frozenset(("IJ", "Ij", "IL", "IX"))  # commands after which other ramps may be in force
 
@@ -87,11 +86,11 @@ def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz
 
 
 def faster(lines: Sequence[str], factor: float) -> list[str]:
-    """The lines with all speeds of straight moves times a factor, within SPEED_HZ."""
+    """The lines with all speeds of straight moves times a factor; a profile refuses those beyond its range."""
     made = []
     for line, told in zip(lines, _told(lines), strict=True):
         if told.code in STRAIGHT:
-            scaled = (min(max(round(value * factor), SPEED_HZ[0]), SPEED_HZ[1]) for value in told.values[1::2])
+            scaled = (round(value * factor) for value in told.values[1::2])
             values = [number for pair in zip(told.values[::2], scaled, strict=False) for number in pair]
             line = f"{told.head}{','.join(map(str, values))}"
         made.append(line)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from isel_twin.firmware.ismif.commands import SPEEDS_HZ, CommandError, Instruction, parse
+from isel_twin.firmware.ismif.commands import CommandError, Instruction, parse
 from isel_twin.firmware.ismif.configuration import Configuration
 from isel_twin.language import SETTINGS_RANGES, JobMove, MoveSettings
 
@@ -68,12 +68,13 @@ def retimed(lines: Sequence[str], settings: Mapping[int, MoveSettings], rapid_hz
 
 
 def faster(lines: Sequence[str], factor: float) -> list[str]:
-    """The lines with all end speeds that they set times a factor, within SPEEDS_HZ; ramps keep their length."""
+    """The lines with all end speeds that they set times a factor; ramps keep their length. A controller refuses speeds
+    beyond its range."""
     made = []
     for line, told in zip(lines, _told(lines), strict=True):
         if told is not None and told.code == "#E":
             index, speed_hz = told.arguments
-            line = f"#E{index},{min(max(round(speed_hz * factor), SPEEDS_HZ[0]), SPEEDS_HZ[-1])}"
+            line = f"#E{index},{round(speed_hz * factor)}"
         made.append(line)
     return made
 

@@ -37,6 +37,7 @@ from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.checks.paths import arc, from_path, since_left
 from isel_twin.jobs.checks.watched import Command, Heard, JobRun, Watched
 from isel_twin.jobs.golden import Golden, GoldenError, called, differences, dumps, golden_file, load
+from isel_twin.jobs.result import in_percent
 from isel_twin.jobs.verdict import HALF_A_SLIP, halfway
 
 __all__ = [
@@ -326,6 +327,8 @@ def assert_torque_margin(seen: Watched, least: float) -> None:
     """In every command since `begin` each motor kept that pull-out margin (1 without load, 0 at the limit). Raises
     ValueError for a plant without physics, which has no margin."""
     __tracebackhide__ = True
+    from isel_twin.drives.bands import margin_band
+
     margins = [
         (margin, axis, command)
         for command in seen.commands
@@ -336,10 +339,11 @@ def assert_torque_margin(seen: Watched, least: float) -> None:
         raise ValueError('no motor has a margin to speak of; take plant="mujoco", and move')
     margin, axis, command = min(margins, key=lambda each: each[0])
     if margin < least:
+        torque = seen.twin.torque_band[AXIS_NAMES.index(axis)].tolist()
         raise MotionError(
             f"{axis} keeps too little torque",
             expected=f"a margin of at least {100 * least:.0f} %",
-            was=f"{100 * margin:.0f} %",
+            was=in_percent([margin], [None if math.isnan(torque[0]) else margin_band(margin, *torque)]),
             time_ns=command.begin_ns,
             axis=axis,
             command=command,

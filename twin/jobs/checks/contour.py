@@ -178,7 +178,7 @@ class Contour:
         self.worst = {}
 
     def look(self, position_mm: NDArray[np.float64], time_ns: int) -> None:
-        """position_mm: float64 [3], true position of the carriages in the counters' sense."""
+        """position_mm: float64 [3], true position of the tool over the table, in the counters' sense."""
         now_mm, farthest_mm = self.way.now_mm, self.way.farthest_mm
         place = tuple(position_mm.tolist())
         moved_mm = math.dist(place, self.way.at_mm) if self.way.at_mm else 0.0

@@ -43,7 +43,7 @@ class Outcome(Protocol):
     def line_told(self) -> str: ...
 
     @property
-    def least_margin(self) -> float | None: ...
+    def margin_told(self) -> str: ...
 
     def summary(self) -> dict[str, Any]: ...
 
@@ -75,7 +75,7 @@ class NothingDone:
     commands: int = 0
     cycle_s: float = 0.0
     line_told: str = ""
-    least_margin: float | None = None
+    margin_told: str = ""
 
     def summary(self) -> dict[str, Any]:
         return {}
@@ -111,8 +111,7 @@ def as_words(report: Told) -> str:
         why = shown_line(f"{report.job}: not read: {report.why.removeprefix(f'{report.job}: ')}")
         return "\n".join([why, *report.excerpt.splitlines()])
     verdict = report.verdict
-    least = verdict.least_margin
-    margin = "" if least is None else f", margin {100.0 * least:.0f} %"
+    margin = verdict.margin_told and f", margin {verdict.margin_told}"
     commands = f"{verdict.commands} command{'' if verdict.commands == 1 else 's'}"
     time = ", ".join(filter(None, (f"{verdict.cycle_s:.3f} s", verdict.line_told)))
     rows = [f"{shown_line(report.job)}: {'ok' if report.ok else 'failed'} ({commands}, {time}{margin})"]

@@ -66,7 +66,9 @@ class Report:
             return "ok" if self.golden.call else "not asked"
         if bounds.limit(rule) is None or (rule == "unmet" and not self.verdict.expectations):
             return "not asked"
-        return f"not looked at: {self.blind[rule]}" if rule in self.blind else "ok"
+        if rule in self.blind:
+            return f"not looked at: {self.blind[rule]}"
+        return f"ok as far as made: {self.verdict.part}" if self.verdict.part else "ok"
 
     @property
     def ok(self) -> bool:
@@ -75,9 +77,10 @@ class Report:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Lines that were not made, and rules that were not simulated."""
+        """Lines that were not made, the rest of a job that did not end, and rules that were not simulated."""
         rules = () if self.verdict.physics else tuple(name for name, rule in RULES.items() if rule.physics)
-        return (self.verdict.not_made, *rules) if self.verdict.not_made else rules
+        rest = f"the whole job ({self.verdict.part})" if self.verdict.part else ""
+        return (*filter(None, (self.verdict.not_made, rest)), *rules)
 
     def without(self, not_made: str) -> Report:
         """The report on a part of a file."""

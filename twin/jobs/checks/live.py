@@ -29,7 +29,7 @@ from isel_twin.jobs.checks.rules import of_cautions
 from isel_twin.jobs.decode import DecodeError, Piece, explain, typed
 from isel_twin.jobs.golden import golden_file
 from isel_twin.jobs.job import JobError, Line
-from isel_twin.jobs.result import Result
+from isel_twin.jobs.result import Ends, Result, in_percent, least_band
 from isel_twin.jobs.toolpaths import lines_of, source_of, times
 from isel_twin.language import create_language
 
@@ -48,10 +48,12 @@ class Figures:
     margin: tuple[float, str] | None = None  # the least of all axes, and whose
     edge: tuple[float, str] | None = None  # the same of the factor until a motor swings
     replies: tuple[str, ...] = ()  # as a job's results show them
+    margin_band: Ends | None = None  # of the margin
 
     def __str__(self) -> str:
         words = [f"{self.seconds:.3f} s"]
-        words += [f"{self.margin[1]} keeps {100.0 * self.margin[0]:.0f} % torque"] if self.margin else []
+        if self.margin:
+            words.append(f"{self.margin[1]} keeps {in_percent(self.margin[:1], [self.margin_band])} torque")
         words += [f"{self.edge[1]}: unstable above {self.edge[0]:.2f} times this speed"] if self.edge else []
         return ", ".join(words)
 
@@ -181,6 +183,7 @@ def figures(results: Sequence[Result]) -> dict[int, Figures]:
                 _less(before.margin, result.margin),
                 _less(before.edge, result.edge),
                 (*before.replies, *filter(None, [result.shown_reply])),
+                least_band([before.margin_band, *result.margin_band]),
             )
     return found
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.jobs.playing import TIMEOUT_S
-from isel_twin.jobs.result import Result
+from isel_twin.jobs.result import Result, in_percent
 
 if TYPE_CHECKING:
     from isel_twin.jobs.toolpaths import Source
@@ -309,14 +309,17 @@ def few(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 
 def of_margin(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes whose motors keep less torque in a line than the bound asks for."""
-    words = f"{{name}} keeps {{percent:.0f}} % torque; at least {100 * (bounds.margin or 0.0):.0f} %"
-    return _below("margin", result, result.margin, bounds.margin, words)
+    bands = result.margin_band or (None,) * len(result.margin)
+    told = [in_percent([margin], [ends]) for margin, ends in zip(result.margin, bands, strict=True)]
+    words = f"{{name}} keeps {{told}} torque; at least {100 * (bounds.margin or 0.0):.0f} %"
+    return _below("margin", result, result.margin, bounds.margin, words, told)
 
 
 def of_edge(result: Result, bounds: Bounds) -> list[Finding]:
     """Axes that would swing out of step at less than the factor on the speed of a line that the bound asks for."""
-    words = f"{{name}}: unstable above {{value:.2f}} times this speed; at least {bounds.edge or 0.0:g} times"
-    return _below("edge", result, result.edge, bounds.edge, words)
+    told = ["" if edge is None else f"{edge:.2f}" for edge in result.edge]
+    words = f"{{name}}: unstable above {{told}} times this speed; at least {bounds.edge or 0.0:g} times"
+    return _below("edge", result, result.edge, bounds.edge, words, told)
 
 
 def of_left_out(option: str, number: int) -> list[Finding]:
@@ -328,18 +331,25 @@ def of_left_out(option: str, number: int) -> list[Finding]:
     ]
 
 
-def _below(rule: str, result: Result, values: Sequence[float | None], least: float | None, words: str) -> list[Finding]:
-    """words: with {name} of the axis, and its {value} or {percent}."""
+def _below(
+    rule: str,
+    result: Result,
+    values: Sequence[float | None],
+    least: float | None,
+    words: str,
+    told: Sequence[str],
+) -> list[Finding]:
+    """words: with {name} of the axis and what is {told} of its value."""
     if least is None or result.condition:
         return []
     return [
         Finding(
             rule,
-            words.format(name=name, value=value, percent=100 * value),
+            words.format(name=name, told=text),
             result.number,
             about=name,
             off=least - value,
         )
-        for name, value in zip(AXIS_NAMES, values, strict=False)
+        for name, value, text in zip(AXIS_NAMES, values, told, strict=False)
         if value is not None and value < least
     ]

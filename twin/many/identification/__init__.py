@@ -7,7 +7,7 @@
     what is identifiable    <-- Jacobian -->  least squares  -->  estimates, intervals, correlations
                                                                            |
                              held-back recordings predicted better?  -- no --> refused
-                                                                     `- yes -> machine.toml patch, grade "measured"
+                                                                     `- yes -> machine.toml patch, graded
 
     unknowns.py     named parameters, the keys they stand for, prior ranges
     measured.py     the file of measurements
@@ -17,6 +17,7 @@
     replays.py      replays, counted and kept in a journal
     model.py        predictions on candidates, residuals, their differences
     fit.py          sensitivity, rank, least squares, intervals, chi-square; fitted and held back
+    chi_square.py   chi-square by kind of datum
     profile.py      how wide an interval the likelihood wants
     reach.py        which numbers behind a common factor no datum moves
     recovery.py     families of parameters that a fit must find back

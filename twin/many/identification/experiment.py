@@ -122,8 +122,9 @@ def blocks(
         pushed_at = PUSHED_AT if machine.kinematics == "table" and name == "y" else PUSHED_AT[:1]
         found += [_push(tell, place_mm + 5.0, force_n, at) for at in pushed_at]
         fastest = min(language.ranges["speed_hz"][1], (axis.travel_mm - 20.0) * axis.steps_per_mm / COAST_S)
-        for speed in COASTS_HZ if notices_stop else ():
-            found.append(_coast(tell, machine, language, round(min(speed * draw.uniform(0.85, 1.15), fastest))))
+        for number, speed in enumerate(COASTS_HZ if notices_stop else ()):
+            speed_hz = round(min(speed * draw.uniform(0.85, 1.15), fastest))
+            found.append(_coast(tell, machine, language, speed_hz, down=number % 2 == 1))
         for supply_v, acceleration in itertools.product(supplies_v or (None,), STALL_HZ_PER_MS):
             far_mm = min(55.0, axis.travel_mm - 5.0)
             found.append(_stall(name, machine, controller, 15.0, far_mm, acceleration, supply_v))
@@ -178,10 +179,13 @@ def _push(tell: Teller, mm: float, force_n: float, at: str) -> Block:
     return Block(name, f"{tell.axis}: pulled at the {at} with {force_n:g} N both ways, dial gauge", steps)
 
 
-def _coast(tell: Teller, machine: Machine, language: Language, speed_hz: int) -> Block:
+def _coast(tell: Teller, machine: Machine, language: Language, speed_hz: int, down: bool = False) -> Block:
+    """down: towards the switch, as friction may differ with direction."""
     name = f"coast {tell.axis} {speed_hz}"
     start_mm = 5.0
     end_mm = start_mm + COAST_S * speed_hz / tell.steps_per_mm
+    if down:
+        start_mm, end_mm = end_mm, start_mm
     before, after = tell.reading(name, counter_mm=start_mm), tell.reading(name, counter_mm=math.nan)
     pressed, released = ({"set": {"estop": state}} for state in ("pressed", "released"))
     acts = (Act("", 1, PRESS_S, pressed), Act("", 1, RELEASE_S, released))
@@ -193,7 +197,8 @@ def _coast(tell: Teller, machine: Machine, language: Language, speed_hz: int) ->
     comment = "enter the counter that this tells as counter_mm (isel-twin decode explains the reply)"
     steps += (Step(first), *(Step(data, comment=comment, any_reply=True) for data in asked))
     steps += tuple(Step(data) for data in others)
-    return Block(name, f"{tell.axis}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale", steps)
+    how = f"{'down' if down else 'up'}: emergency stop at {speed_hz / tell.steps_per_mm:.1f} mm/s, scale"
+    return Block(name, f"{tell.axis} {how}", steps)
 
 
 def _stall(

@@ -172,11 +172,15 @@ class Model:
         """[data], True for a bound on whose other side the prediction is."""
         return np.asarray((self._side != 0) & (residuals**2 > HALF))
 
-    def squares(self, residuals: Floats) -> float:
-        """Their sum; a bound adds what it costs beyond a prediction that is the bound."""
+    def each_square(self, residuals: Floats) -> Floats:
+        """[data]; a bound adds what it costs beyond a prediction that is the bound."""
         squares = np.clip(residuals, -50.0, 50.0) ** 2
         squares[self._side != 0] = np.maximum(0.0, squares[self._side != 0] - HALF)
-        return float(squares.sum())
+        return squares
+
+    def squares(self, residuals: Floats) -> float:
+        """Their sum."""
+        return float(self.each_square(residuals).sum())
 
     def residuals_at(self, u: Floats) -> Floats:
         return self.residuals(self.predictions([u])[0])

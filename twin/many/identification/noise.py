@@ -7,7 +7,8 @@ sigma in one recording), with nu degrees of freedom, and what was stated, worth 
 
     sigma^2 = (TRUST stated^2 + nu scatter^2) / (TRUST + nu)
 
-the mean of a scaled inverse chi-square prior and these data. Without repeats it is what was stated.
+the mean of a scaled inverse chi-square prior and these data. Without repeats it is what was stated. What so few repeats
+leave open of it is in the intervals: they are those of Student's t with TRUST + nu degrees of freedom.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification.measured import Reading
 from isel_twin.many.identification.session import LEAST_S, Session, exchanges_of
 
@@ -40,6 +42,14 @@ class Noise:
         what = "readings" if self.unit == "mm" else "durations"
         repeats = f"{self.repeats} repeat{'' if self.repeats == 1 else 's'}"
         return f"{self.recording}: {what} scatter by {shown[0]} {shown[2]}, by {repeats}; stated {shown[1]}"
+
+
+def student(told: Iterable[Noise]) -> float:
+    """How much wider an interval is, as the noise of gauges is itself an estimate: Student's t over the normal law."""
+    from scipy.stats import t
+
+    repeats = sum(one.repeats for one in told if one.unit == "mm")
+    return float(t.ppf(0.975, TRUST + repeats)) / NORMAL_95 if repeats else 1.0
 
 
 def with_noise(session: Session) -> tuple[Session, list[Noise]]:

@@ -34,7 +34,8 @@ def page(title: str, result: Fit, fitted: Sequence[str], held: Sequence[str], da
         f"<header><h1>{escape(title)}</h1>",
         f"<p class='verdict {'good' if result.explains and not result.worse else 'bad'}'>{escape(verdict)}</p>",
         f"<p>Fitted: {escape(', '.join(fitted))}. Held back: {escape(', '.join(held) or 'none')}. "
-        f"Chi squared per degree of freedom: {result.chi2:.2f}, by chance at most {result.chi2_limit:.2f}. "
+        f"Chi squared per degree of freedom: {result.chi2:.2f}, by chance at most {result.chi2_limit:.2f}; "
+        f"by kind: {escape(', '.join(one.short for one in result.kinds))}. "
         f"{result.replays} replays.</p></header><main>",
         *(f"<p class='wrong'>{escape(line)}</p>" for line in result.doubts),
         "<section><h2>Before the fit: what these data can tell</h2><ul>",
@@ -132,8 +133,8 @@ def _laws(result: Fit) -> str:
     return (
         f"<section><h2>Numbers that were not asked for</h2>{beside}<h3>Laws</h3><div class='wide'><table><thead><tr>"
         f"<th scope='col' class='text'>law</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this number free than as it "
-        "stands in the file.</p></section>"
+        "<p>Gained: logarithm of how much likelier what is held back from the fit is with this law than without "
+        "it.</p></section>"
     )
 
 

@@ -7,10 +7,10 @@
     backlash = { value = 0.0312, unit = "mm", grade = "measured", interval = [0.027, 0.036], source = "..." }
 
 Only identified numbers are in it, and of a common factor only those that a datum moves. Their grade is `measured` if
-recordings were held back and are predicted better, the model explains what was fitted, and the fit finds the number's
-family back when it is put elsewhere. Without that it is `estimate`; so is a number that is known only roughly, not told
-apart from others of its factor, or fitted beside those that were asked for, which hold together with it. Whatever the
-grade, the interval stands beside it: `--uncertain` draws from it, and another identification begins with it.
+recordings were held back and are predicted better, and nothing that the fit knows speaks against it (`Fit.measured`).
+Without that it is `fitted`; so is a number that is not told apart from others of its factor, or fitted beside those
+that were asked for, which hold together with it. Whatever the grade, the interval stands beside it: `--uncertain` draws
+from it, and another identification begins with it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ from isel_twin.base.toml import toml_line
 from isel_twin.machine import Machine
 from isel_twin.machine.spread import NORMAL_95
 from isel_twin.many.identification.fit import Estimate, Fit
-from isel_twin.many.identification.model import WEAK
-from isel_twin.many.identification.recovery import family
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
 from isel_twin.models import machine_names
 
@@ -56,9 +54,7 @@ def patch(
         item = estimate.unknown
         if not estimate.identified:
             continue
-        sure = estimate.remaining < WEAK and family(item.name) not in result.unrecovered
-        sure = sure and estimate not in result.beside
-        grade = "measured" if held and result.explains and sure else "estimate"
+        grade = "measured" if held and result.measured(estimate) else "fitted"
         if item.flag:
             flags[item.flag] = None
         unit = "" if item.unit == "1" else f" {item.unit}"
@@ -77,7 +73,7 @@ def patch(
             entry = {
                 "value": _number(machine, item, key, estimate.value),
                 "unit": units.get(key, item.unit),
-                "grade": "estimate" if apart else grade,
+                "grade": "fitted" if apart else grade,
                 "interval": [_number(machine, item, key, low), _number(machine, item, key, high)],
                 "source": source,
             }
@@ -139,7 +135,7 @@ def _told(one: Estimate) -> dict[str, Any]:
 def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str, Any]:
     """The result in JSON's types, also for `isel-twin experiment --known`."""
     return {
-        "parameters": [_told(one) for one in result.estimates],
+        "parameters": [{**_told(one), "measured": bool(held) and result.measured(one)} for one in result.estimates],
         "beside": [_told(one) for one in result.beside],
         "correlation": result.correlation.tolist(),
         "covariance": result.covariance.tolist(),
@@ -147,6 +143,7 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         "before_the_fit": list(result.prospect.lines),
         "chi2": result.chi2,
         "chi2_limit": result.chi2_limit,
+        "chi2_by_kind": [asdict(one) for one in result.kinds],
         "explains": result.explains,
         "doubts": list(result.doubts),
         "unreached": [one.key for one in result.unreached],
@@ -159,6 +156,7 @@ def as_json(result: Fit, fitted: Sequence[str], held: Sequence[str]) -> dict[str
         ],
         "not_recovered": list(result.unrecovered),
         "widened": list(result.widened),
+        "open": list(result.open),
         "misfits": [
             {"recording": item.recording, "kind": item.kind, "datum": item.label, "residual": r}
             for item, r in result.misfits

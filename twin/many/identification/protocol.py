@@ -287,5 +287,6 @@ def _of_push(readings: Sequence[Reading]) -> Iterator[Characteristic]:
 
 def _of_coast(readings: Sequence[Reading]) -> Iterator[Characteristic]:
     if len(readings) == 2:
-        before, after = (one.mm - (one.counter_mm or 0.0) for one in readings)
-        yield Characteristic("overrun", "mm", after - before)
+        first, last = ((one.mm, one.counter_mm or 0.0) for one in readings)
+        beyond = (last[0] - first[0]) - (last[1] - first[1])
+        yield Characteristic("overrun", "mm", math.copysign(1.0, last[1] - first[1]) * beyond)

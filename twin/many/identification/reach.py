@@ -13,8 +13,8 @@ A number is **out of reach** if s leaves it NOT_IDENTIFIED of its prior and it h
 among its factor's numbers. It keeps its value and grade, and the remedy is named (many/14).
 
 The others are **not told apart** if, each free of its own with the factor's prior, one of them keeps WEAK of that prior
-or more: the diagonal of (J'J / max(1, chi^2) + 1)^-1 with the J_k in place of the factor's column. Then the fit took
-for granted that they are off by one factor; no datum says so, their grade is an estimate, and their interval is that of
+or more: the diagonal of (J'J / s + 1)^-1 (s: fit.py) with the J_k in place of the factor's column. Then the fit took
+for granted that they are off by one factor; no datum says so, their grade is `fitted`, and their interval is that of
 the free numbers (many/16).
 """
 
@@ -68,9 +68,9 @@ class Alike:
 
 
 def behind_factors(
-    model: Model, u: Floats, jacobian: Floats, chi2: float
+    model: Model, u: Floats, jacobian: Floats, scale: Floats
 ) -> tuple[tuple[OutOfReach, ...], tuple[Alike, ...]]:
-    """What the data do not reach, and do not tell apart, at u. jacobian: there."""
+    """What the data do not reach, and do not tell apart, at u. jacobian: there. scale: s [data]."""
     unknowns = model.unknowns
     factors = [(at, item) for at, item in enumerate(unknowns) if item.factor and len(item.keys) > 1]
     if not factors:
@@ -90,7 +90,7 @@ def behind_factors(
                 reached.append(index)
     whole = [at for at in range(len(unknowns)) if at not in {at for at, _ in factors}]
     free = np.column_stack([jacobian[:, whole], *(columns[index] for index in reached)])
-    left = np.sqrt(np.diag(np.linalg.inv(free.T @ free / max(1.0, chi2) + np.eye(free.shape[1]))))[len(whole) :]
+    left = np.sqrt(np.diag(np.linalg.inv(free.T @ (free / scale[:, None]) + np.eye(free.shape[1]))))[len(whole) :]
     alike: list[Alike] = []
     for at, factor in factors:
         own_left = {

@@ -8,7 +8,7 @@ From the result u the search looks for them, by the Jacobian J at u, STEPS times
 
 A family that is not where it was put, within what its interval allows and TOLERANCE of the way, is not recovered: the
 straight line that its interval rests on is no line there (lost steps, a nut that never crosses its play). Its numbers
-are estimates then. Three replays a family; those that are known only roughly are no candidates and are not tried.
+are `fitted` then. Three replays a family; those that are known only roughly are no candidates and are not tried.
 """
 
 from __future__ import annotations

@@ -11,7 +11,10 @@ Measured and predicted numbers are compared one by one (`Datum`):
     duration     of each command that takes LEAST_S or longer, from its last byte to the last one of its reply, but not
                  of the first reference run of an axis, whose start is unknown, nor of one that also moves an axis of
                  which nothing was measured (many/23), nor while an act interferes
-    reading      position at rest or in motion; less the counter where the file has it
+    reading      position at rest
+    pull         the same at a mounting where somebody pulled
+    overrun      the same less the counter, which an emergency stop left elsewhere
+    motion       position in motion
     stall        logarithm of the speed at which loss of steps begins, found as at the machine, by increasing the speed
     bound        the same of a series that never lost steps, or lost them at its first speed: known from one side
     ring         logarithms of frequency and damping of a machine that was let go at rest
@@ -25,7 +28,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -69,7 +72,7 @@ _PATIENCE_S = 3600.0
 class Datum:
     """One measured number."""
 
-    kind: str  # duration, reading, ring, stall, bound, scatter
+    kind: str  # duration, reading, pull, overrun, motion, ring, stall, bound, scatter
     label: str
     recording: str
     value: float
@@ -78,6 +81,8 @@ class Datum:
     group: str = ""  # readings of a group share an unknown zero, durations an unknown delay of line, adapter and host
     scatter: float = 0.0  # standard deviation of the model's own value; part of sigma
     side: int = 0  # 1: what was measured is this value or more, -1: or less, 0: is this value
+    load: float = 0.0  # of a pull, over the largest one of its mounting
+    way: int = 0  # of an overrun: 1 upwards, -1 downwards
 
 
 @dataclass(frozen=True)
@@ -108,14 +113,11 @@ class Session:
                 sigma, label = math.hypot(self.measured.time_sigma_s, scatter), f"{number}: {exchange.text}"
                 seconds = exchange.duration_ns / SECOND_NS
                 found.append(Datum("duration", label, self.name, seconds, sigma, "s", f"{self.name}/line", scatter))
+        mountings: dict[tuple[str, str], list[Reading]] = {}
         for reading in self.measured.readings:
-            value = reading.mm - (reading.counter_mm or 0.0)
-            push = f", {reading.push_n:g} N at the {reading.push_at}" if reading.push_n else ""
-            when = "" if reading.at_s is None else f", {reading.at_s:g} s"
-            label = f"{reading.command}: {reading.axis}{push}{when}"
-            group = f"{self.name}/{reading.axis}/{reading.gauge}"
-            sigma = math.hypot(reading.sigma_mm, REST_SIGMA_MM)
-            found.append(Datum("reading", label, self.name, value, sigma, "mm", group, REST_SIGMA_MM))
+            mountings.setdefault((reading.axis, reading.gauge), []).append(reading)
+        stopped = {act.command for act in self.measured.acts}
+        found += [_of(one, mountings[one.axis, one.gauge], stopped, self.name) for one in self.measured.readings]
         found += [datum for ring in self.measured.rings for datum in _ring_data(ring, self.name)]
         found += [_stall_datum(stall, self.name) for stall in self.measured.stalls]
         for repeats in self.measured.repeats:
@@ -129,6 +131,22 @@ class Session:
         """True if the duration of a command depends on the machine alone."""
         acts = any(act.command == number for act in self.measured.acts)
         return number <= self.last and not acts and number not in self.untimed
+
+
+def _of(reading: Reading, mounting: Sequence[Reading], stopped: Collection[int], name: str) -> Datum:
+    """A reading of this mounting as a datum. stopped: commands that were interfered with."""
+    value = reading.mm - (reading.counter_mm or 0.0)
+    push = f", {reading.push_n:g} N at the {reading.push_at}" if reading.push_n else ""
+    when = "" if reading.at_s is None else f", {reading.at_s:g} s"
+    label, group = f"{reading.command}: {reading.axis}{push}{when}", f"{name}/{reading.axis}/{reading.gauge}"
+    most_n, way = max(abs(one.push_n) for one in mounting), 0
+    if any(one.command in stopped for one in mounting):
+        kind, (first, last) = "overrun", (one.counter_mm or 0.0 for one in (mounting[0], mounting[-1]))
+        way = (last > first) - (last < first)
+    else:
+        kind = "motion" if reading.at_s is not None else "pull" if most_n else "reading"
+    sigma, load = math.hypot(reading.sigma_mm, REST_SIGMA_MM), abs(reading.push_n) / (most_n or 1.0)
+    return Datum(kind, label, name, value, sigma, "mm", group, REST_SIGMA_MM, load=load, way=way)
 
 
 def _ring_data(ring: Ring, name: str) -> list[Datum]:
@@ -199,7 +217,7 @@ def predict(session: Session, machine: Machine) -> NDArray[np.float64]:
     """float64 [n], prediction of each of `session.data` by the machine; nan: none."""
     found: list[float] = []
     data = session.data
-    if session.pieces and any(item.kind in ("duration", "reading", "ring") for item in data):
+    if session.pieces and any(item.kind not in ("stall", "bound", "scatter") for item in data):
         player = Player(session, machine)
         player.play()
         durations = dict(enumerate((exchange.duration_ns for exchange in player.exchanges()), 1))

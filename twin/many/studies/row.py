@@ -39,17 +39,19 @@ OUTCOMES: Mapping[str, tuple[str, str, str]] = {
     "lost_x": ("int64", "steps", "whole slips of axis x since power-on"),
     "lost_y": ("int64", "steps", "whole slips of axis y since power-on"),
     "lost_z": ("int64", "steps", "whole slips of axis z since power-on"),
-    "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics"),
-    "margin_moves": ("float64", "1", "the same of the lines that set no counter: without reference runs"),  # many/2
+    "margin": ("float64", "1", "least pull-out margin of any motor in any line; null without physics or the whole job"),
+    "margin_low": ("float64", "1", "and where it lies as far as torque is known: the least"),
+    "margin_high": ("float64", "1", "the most"),
+    "margin_moves": ("float64", "1", "the margin of the lines that set no counter: without reference runs"),  # many/2
     "edge": (
         "float64",
         "1",
-        "least factor on the speed of any motor in any line until it swings; null without physics",
+        "least factor on the speed of any motor in any line until it swings; null without physics or the whole job",
     ),
     "limiting": ("string", "", "the axis that has the least margin in those"),
     "limiting_line": ("int64", "1", "and the line of the job in which it has it"),
     "error_mm": ("float64", "mm", "largest difference of true position and counter of any axis at the end, at rest"),
-    "cycle_s": ("float64", "s", "from the first command to the end of the last one"),
+    "cycle_s": ("float64", "s", "from the first command to the end of the last one; null if a line was not made"),
     "events_late": ("int64", "1", "events of the scenario that were still to come at the end"),
     "reply": ("string", "", "the last reply"),
 }
@@ -124,6 +126,7 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     from isel_twin.jobs.checks.job import Inspection
     from isel_twin.jobs.job import check_conditions
     from isel_twin.jobs.playing import played
+    from isel_twin.jobs.result import least_band
     from isel_twin.jobs.robust import perturbation, perturbed_twin
     from isel_twin.jobs.verdict import whole_slips
 
@@ -153,7 +156,9 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
     ]
     nothing = (None, None, None)
     least, line, axis = min((m for m in margins if m[1] not in inspection.setting), default=nothing)
+    low, high = least_band(verdict.margin_band) or (None, None)
     first = wrong[0] if wrong else None
+    whole = not verdict.part  # a margin or a time of half a job is none of the job (jobs/18)
     replies = [result.shown_reply for result in results if not result.condition]
     return {
         "ok": report.ok,
@@ -162,13 +167,15 @@ def _made(work: Work, point: Point) -> dict[str, Any]:
         "commands": verdict.commands,
         "refused": verdict.refused,
         **{f"lost_{name}": int(steps) for name, steps in zip(CARRIAGES, slips, strict=False)},
-        "margin": min(margins, default=nothing)[0],
-        "margin_moves": least,
-        "edge": verdict.least_edge and verdict.least_edge[0],
-        "limiting": axis,
-        "limiting_line": line,
+        "margin": min(margins, default=nothing)[0] if whole else None,
+        "margin_low": low if whole else None,
+        "margin_high": high if whole else None,
+        "margin_moves": least if whole else None,
+        "edge": verdict.least_edge[0] if whole and verdict.least_edge else None,
+        "limiting": axis if whole else None,
+        "limiting_line": line if whole else None,
         "error_mm": max(abs(error) for error in verdict.position_error_mm),
-        "cycle_s": verdict.cycle_s,
+        "cycle_s": verdict.cycle_s if whole else None,
         "events_late": verdict.events_after_end,
         "reply": replies[-1] if replies else None,
     }

@@ -22,7 +22,7 @@ from isel_twin.base.crew import Crew, Stop, in_order
 from isel_twin.base.quiet import quietly
 from isel_twin.base.units import SECOND_NS
 from isel_twin.jobs.playing import FirstLoss, losses, played
-from isel_twin.jobs.result import Result
+from isel_twin.jobs.result import Result, least_band
 from isel_twin.jobs.robust import perturbed_twin
 from isel_twin.many.tuning.settling import Settling
 from isel_twin.many.tuning.space import Candidate, Problem
@@ -81,6 +81,7 @@ class Judgement:
     torque: float = 1.0
     speed: float = 1.0
     line: str = ""  # of the first repetition: `Verdict.line_told`
+    weakest: float = 1.0  # `torque` if the motors are as weak as their bands say (drives/bands.py); 0: none is left
 
     @property
     def good(self) -> bool:
@@ -96,7 +97,10 @@ class Judgement:
             Made(move[0].time_s, min(one.torque for one in move), min(one.speed for one in move)) for move in each_move
         )
         kept = min(each.torque for each in made), min(each.speed for each in made)
-        return cls(made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept, made[0].line)
+        weakest = min(each.weakest for each in made)
+        return cls(
+            made[0].time_s, margin, last.why, len(made), last.slipped, moves, last.number, *kept, made[0].line, weakest
+        )
 
 
 def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | None:
@@ -147,7 +151,9 @@ def make(candidate: Candidate, weather: Weather, number: int) -> Judgement | Non
         if result.number in candidate.moves
     )
     margin = min(torque, speed) if counted and not why else 0.0
-    return Judgement(time_s, margin, why, 1, slipped, moves, number, torque, speed, job.verdict.line_told)
+    ends = least_band([band for result in counted for band in result.margin_band])
+    weakest = torque if ends is None else ends[0]
+    return Judgement(time_s, margin, why, 1, slipped, moves, number, torque, speed, job.verdict.line_told, weakest)
 
 
 def _kept(result: Result, speed_share: float) -> tuple[float, float]:

@@ -135,6 +135,7 @@ def as_json(judgement: Judgement) -> dict[str, Any]:
         "good": judgement.good,
         "time_s": round(judgement.time_s, 6),
         "margin": round(judgement.margin, 4),
+        "torque": [round(judgement.torque, 4), round(judgement.weakest, 4)],
         "why": judgement.why,
         "repetitions": judgement.repetitions,
         **({"line": judgement.line} if judgement.line else {}),

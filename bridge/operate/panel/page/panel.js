@@ -292,7 +292,8 @@ function build_axes() {
     put(cells[5], Math.round(now.step_hz[i]).toString());
     if (about.closed_loop[i]) put(cells[6], `${Math.round(now.following_error[i])} inc`);
     else put(cells[6], lag === null ? "–" : Math.abs(lag) < 720 ? `${lag.toFixed(0)}°` : `${(lag / 360).toFixed(0)} turns`);
-    put(cells[7], fixed(now.margin[i], 2));
+    const ends = now.margin_band[i];
+    put(cells[7], fixed(now.margin[i], 2) + (ends ? ` (${fixed(ends[0], 2)} to ${fixed(ends[1], 2)})` : ""));
     put(cells[8], fixed(now.edge[i], 2));
     cells[8].className = now.edge[i] !== null && now.edge[i] !== undefined && now.edge[i] < 1 ? "lost" : "";
     const error = Math.abs(now.position_error_mm[i] || 0);
