@@ -1,5 +1,5 @@
 // Moves that cncjs's gcode-toolpath sees in the G-code of standard input, as JSON. Its feeds it tells nobody.
-// Without an ending of the name the import is that of the folder GCODE_TOOLPATH, where npm has installed it.
+// GCODE_TOOLPATH is the folder in which npm has installed it.
 import { createRequire } from "node:module";
 import { readFileSync } from "node:fs";
 
