@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tests.judges.asked import judges
-from tests.judges.compared import MACHINES, astray, decoded, near_mm, program, unlike, written
+from tests.judges.compared import MACHINES, SETTINGS, astray, decoded, near_mm, program, unlike, written
 from tests.judges.parts import part
 from tests.rs274.canon import LOOSE, Move
 
@@ -47,7 +47,7 @@ def verdicts(row: Mapping[str, Any]) -> Iterator[str]:
                 yield f"{name}, file of {controller}: {why}"
         if why := astray(moves, row["files"]["rs274"][controller], near_mm(controller)):
             yield f"file of {controller} {why}"
-    if why := astray(moves, row["bwo900"], LOOSE, -1):
+    if why := astray(moves, row["bwo900"], LOOSE + SETTINGS.tolerance_mm, -1):
         yield f"program of bwo900 {why}"
 
 

@@ -3,7 +3,8 @@
 part --- convert ---> commands --- decode ---> G-code        read by all judges as it was meant, move by move, and
   |                                              |           by rs274 as the way of the part
 rs274                                          rs274
-  |        the program of a BWO 900 --- rs274 ---|           the same way within 1 um, its Z downwards
+  |        the program of a BWO 900 --- rs274 ---|           the same way, its Z downwards, within 1 um and
+                                                                 the chords of spirals
 """
 
 from __future__ import annotations

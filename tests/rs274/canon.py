@@ -43,7 +43,8 @@ def interpreted(
     (folder / "program.ngc").write_text(program)
     done = subprocess.run(
         [interpreter, "-t", "tools.tbl", "-v", "fresh.var", "-g", "program.ngc"],
-        cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+        cwd=folder, env={**os.environ, "HOME": str(folder)},  # where its tools are kept while it runs
+        capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     error = [line for line in done.stderr.splitlines() if line.strip() and line != "executing"]
     return _moves(done.stdout, least_mm), " / ".join(error) if done.returncode else ""
