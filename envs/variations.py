@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.parameters import changed
-from isel_twin.drives.motor import Motor
-from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
-from isel_twin.machine import Machine
+from isel_twin.machine import Axis, Machine
 
 VARIATIONS: dict[str, tuple[float, float]] = {  # bounds of a mass, and of factors
     "payload_kg": (0.0, 20.0),
@@ -77,13 +75,13 @@ def limits_rad_s(machine: Machine, supply: float) -> NDArray[np.float64]:
     share = max(0.0, supply / _SPAN - below)
     found = []
     for axis in machine.axes:
-        assert isinstance(axis.motor, Motor)
-        assert isinstance(axis.stage, Stage)
-        low = _limit(axis.motor, axis.stage, below)
-        found.append(low if share < 1e-9 else low + share * (_limit(axis.motor, axis.stage, below + 1) - low))
+        low = _limit(axis, below)
+        found.append(low if share < 1e-9 else (1.0 - share) * low + share * _limit(axis, below + 1))
     return np.array(found)
 
 
 @lru_cache(256)
-def _limit(motor: Motor, stage: Stage, number: int) -> float:
-    return limit_rad_s(motor, replace(stage, supply_v=stage.supply_v * round(number * _SPAN, 2)))
+def _limit(axis: Axis, number: int) -> float:
+    assert isinstance(axis.stage, Stage)
+    stage = replace(axis.stage, supply_v=axis.stage.supply_v * round(number * _SPAN, 2))
+    return replace(axis, stage=stage).swing_limit_rad_s

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# asyncua's server agrees to a sampling interval, and sends every change.
+# asyncua's server answers Good to a sampling interval, and sends every change.
 #
 # Guess: a client that asks for a sampling interval of 1 s is told of at most one change in each second, or is told in the
 #        answer (RevisedSamplingInterval) that it gets another.
-# Seen:  the server answers Good and 1000 ms. Of 100 values written within some 0.5 s the client is told of 100.
+# Seen:  the server answers Good, with the subscription's publishing interval (here 50 ms), and keeps neither: of 100
+#        values written within some 0.5 s the client is told of 100.
 # Here:  a twin's counters change a thousand times a second; a client that asked for little is flooded, and the server works
-#        for it. The twin's OPC UA server bounds how often it writes.
+#        for it. The twin's OPC UA server bounds how often it writes, and says so in MinimumSamplingInterval.
 # With:  asyncua 2.1.0, 2026-11-28
 set -euo pipefail
 cd "$(mktemp -d)" && trap 'rm -rf "$PWD"' EXIT

@@ -4,7 +4,7 @@
 # Guess: `pythonfmu3 build` and `FmuBuilder.build_FMU` make the same FMU of the same file.
 # Seen:  with no option given, the command writes canHandleVariableCommunicationStepSize="true", the function "false". The
 #        list of options holds true as the default; the function writes what stands in the empty description instead.
-# Here:  an FMU of a twin is built by the function. That it takes steps of any size has to be said there, or importers hold
+# Here:  an FMU of a twin is built by the function. That it takes steps of any size is said there, or importers would hold
 #        it to whole steps (see fmpy_last_step.sh).
 # With:  PythonFMU3 0.3.4, 2026-11-28
 set -euo pipefail

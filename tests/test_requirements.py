@@ -29,6 +29,7 @@ OF_FOLDERS = {  # extras of the code in them
     "twin/many/studies": ["tune"],
     "twin/many/tuning": ["tune"],
     "twin/recordings/parquet.py": ["trace"],
+    "twin/recordings/protobuf.py": ["trace"],
     "twin/report": ["report"],
 }
 GIVEN = {  # by whatever runs that code

@@ -31,5 +31,6 @@ def build(path: Path, interface: Interface) -> None:
     with tempfile.TemporaryDirectory(prefix="isel-twin-") as folder:
         script = Path(folder) / f"isel_twin_{interface}.py"
         atomic_write(script, _SCRIPT.format(base=base, name=name).encode())
-        made = FmuBuilder.build_FMU(script, folder, canGetAndSetFMUState=True, canSerializeFMUState=True)
+        able = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
+        made = FmuBuilder.build_FMU(script, folder, **dict.fromkeys(able, True))
         atomic_write(path, Path(made).read_bytes())

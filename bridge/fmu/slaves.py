@@ -4,8 +4,9 @@
     inputs        what somebody operates, forces, and either bytes for the line or set points
     outputs       positions, speeds, errors, counters, lost steps, margins, switches, power
 
-Inputs act at the beginning of a step. The end of a step is the absolute time in whole nanoseconds, never a sum of step
-sizes, so that any division of the time gives the same bits. A state is the bytes of `Twin.save` and the inputs.
+Inputs act at the beginning of a step. Virtual time is the communication point less the start time, in whole ns and
+never a sum of step sizes, so any division of the time gives the same bits. The start time is where the first step
+begins: pythonfmu3 0.3.4 tells it nobody before. A state is the bytes of `Twin.save` and the inputs.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.core.state import StateError
 from isel_twin.core.twin import Twin
 from isel_twin.language import set_points_language
+from isel_twin.motion.time_law import LONGEST_NS
 from isel_twin.version import VERSION
 
 # inputs for people's acts: element of the cabinet, its state when False and when True
@@ -99,6 +101,7 @@ class _TwinSlave(Fmi3Slave):
         self.register_units([Unit("mm", m=1, factor=1e-3), Unit("mm/s", m=1, s=-1, factor=1e-3)])
         self.register_units([Unit("N", kg=1, m=1, s=-2), Unit("V", kg=1, m=2, s=-3, A=-1), Unit("s", s=1)])
         self.time = 0.0
+        self.start_s: float | None = None  # None until the first step
         self.twin: Twin | None = None
         self.values: dict[str, Any] = {}  # of parameters and inputs
         self._applied: dict[str, Any] = {}  # inputs, as the twin knows them
@@ -125,19 +128,20 @@ class _TwinSlave(Fmi3Slave):
         self.twin = self._built()
 
     def do_step(self, current_time: float, step_size: float) -> Fmi3StepResult:
-        twin, end_s = self.twin, current_time + step_size
-        end_ns = round(end_s * SECOND_NS) if math.isfinite(end_s) else -1
-        if twin is None or end_ns < twin.time_ns:
-            why = "time runs backwards; set an earlier state first" if twin else "there is no twin: it is terminated"
-            self.log(why, Fmi3Status.discard)
+        start_s = current_time if self.start_s is None else self.start_s
+        end_s = current_time + step_size
+        twin, why = self.twin, self._impossible(start_s, step_size, end_s)
+        if twin is None or why:
+            self.log(why or "there is no twin: it is terminated", Fmi3Status.discard)
             return Fmi3StepResult(status=Fmi3Status.discard)
+        self.start_s = start_s
         try:
             self._operate(twin)
-            self._step(twin, end_ns)
+            self._step(twin, round((end_s - start_s) * SECOND_NS))
         except ValueError as error:
             self.log(" ".join(str(error).split()), Fmi3Status.error)
             return Fmi3StepResult(status=Fmi3Status.error)
-        self.time = current_time + step_size
+        self.time = end_s
         return Fmi3StepResult(status=Fmi3Status.ok)
 
     def terminate(self) -> None:
@@ -151,7 +155,7 @@ class _TwinSlave(Fmi3Slave):
         states of strangers are not to be loaded."""
         try:
             given = {**pickle.loads(unsealed(state))}
-            if not {"values", "applied", "time", "twin"} <= given.keys():
+            if not {"values", "applied", "time", "start", "twin"} <= given.keys():
                 raise ValueError
         except Exception:  # damaged bytes raise anything
             raise StateError("this is no state of an FMU of isel-twin, or a damaged one") from None
@@ -169,7 +173,8 @@ class _TwinSlave(Fmi3Slave):
 
     def _state(self) -> dict[str, Any]:
         state = None if self.twin is None else self.twin.save()
-        return {"values": dict(self.values), "applied": dict(self._applied), "time": self.time, "twin": state}
+        inputs = {"values": dict(self.values), "applied": dict(self._applied)}
+        return {**inputs, "time": self.time, "start": self.start_s, "twin": state}
 
     def _take(self, state: Mapping[str, Any]) -> None:
         before, self.values = (self.values, self._applied), dict(state["values"])
@@ -181,7 +186,7 @@ class _TwinSlave(Fmi3Slave):
             self.values, self._applied = before
             raise
         self.twin = twin
-        self._applied, self.time = dict(state["applied"]), state["time"]
+        self._applied, self.time, self.start_s = dict(state["applied"]), state["time"], state["start"]
 
     @property
     def _controller(self) -> str:
@@ -197,6 +202,16 @@ class _TwinSlave(Fmi3Slave):
         raise NotImplementedError
 
     # Inside
+
+    def _impossible(self, start_s: float, step_s: float, end_s: float) -> str:
+        """Why a step cannot be made, "" if it can."""
+        if not step_s > 0.0:
+            return f"a step of {step_s} s; allowed: more than 0"
+        if self.start_s is not None and end_s < self.time:
+            return f"time runs backwards, from {self.time} s to {end_s} s; set an earlier state first"
+        if not (end_s - start_s) * SECOND_NS < LONGEST_NS:
+            return f"virtual time would be {end_s - start_s} s; allowed: up to {LONGEST_NS // SECOND_NS}"
+        return ""
 
     def _built(self) -> Twin:
         given = self.values
@@ -317,12 +332,20 @@ class StepsTwin(_TwinSlave):
         twin.read()
 
     def _step(self, twin: Twin, end_ns: int) -> None:
-        sent = self._language.row(end_ns - twin.time_ns, [int(self.values[f"command_{axis}"]) for axis in CARRIAGES])
-        twin.write(sent)
-        twin.run_until(end_ns)
-        answer = twin.read()
-        if not self._language.accepted(sent, answer):
-            raise ValueError(f"step to {end_ns} ns: {answer.decode('latin-1').strip() or 'no answer'}")
+        """Longer steps are several rows; what is shorter than a row passes with the next step."""
+        begin_ns, begin = twin.time_ns, [int(count) for count in twin.counts]
+        target = [int(self.values[f"command_{axis}"]) for axis in CARRIAGES]
+        took_ns = end_ns - begin_ns
+        rows = 0 if took_ns < self._language.shortest_ns else -(-took_ns // self._language.longest_ns)
+        for row in range(1, rows + 1):
+            until_ns = begin_ns + took_ns * row // rows
+            counters = [at + (to - at) * row // rows for at, to in zip(begin, target, strict=False)]
+            sent = self._language.row(until_ns - twin.time_ns, counters)
+            twin.write(sent)
+            twin.run_until(until_ns)
+            answer = twin.read()
+            if not self._language.accepted(sent, answer):
+                raise ValueError(f"step to {until_ns} ns: {answer.decode('latin-1').strip() or 'no answer'}")
 
 
 def _entry(name: str, at: int) -> Callable[[Twin], Any]:

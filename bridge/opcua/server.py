@@ -45,10 +45,10 @@ def _now(value: ua.Variant, status: int = ua.StatusCodes.Good) -> ua.DataValue:
 
 
 class Machine:
-    """The machine's nodes in a server."""
+    """The machine's nodes in a server. interval_s: least wall time between two calls of `show`."""
 
-    def __init__(self, server: Server) -> None:
-        self._server = server
+    def __init__(self, server: Server, interval_s: float) -> None:
+        self._server, self._interval_s = server, interval_s
         self._index: dict[str, int] = {}  # of a namespace, by its prefix
         self._nodes: dict[Node, ua.NodeId] = {}
         self._known: dict[Node, Any] = {}
@@ -120,6 +120,11 @@ class Machine:
             await (await found.get_child("0:EngineeringUnits")).write_value(unit)
         if node.range:
             await (await found.get_child("0:EURange")).write_value(ua.Range(*map(ua.Double, node.range)))
+        several = isinstance(node.value(state), list)
+        rank = ua.Variant(ua.ValueRank.OneDimension if several else ua.ValueRank.Scalar, ua.VariantType.Int32)
+        await found.write_attribute(ua.AttributeIds.ValueRank, ua.DataValue(rank))
+        interval_ms = ua.Variant(1000.0 * self._interval_s, ua.VariantType.Double)  # no client is told more often
+        await found.write_attribute(ua.AttributeIds.MinimumSamplingInterval, ua.DataValue(interval_ms))
         return found
 
     async def _new(self, above: UaNode, name: str, node: Node, state: State) -> UaNode:
@@ -192,7 +197,7 @@ class Serving:
         now = datetime.datetime.now(datetime.UTC)
         await server.set_build_info(OWN, "isel-twin", "isel-twin", VERSION, VERSION, now)
         await secure(server, self._access)
-        machine = Machine(server)
+        machine = Machine(server, self._interval_s)
         await machine.build(state)
         await machine.show(state)
         async with server:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description
+from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
@@ -24,12 +24,14 @@ from tests.in_process import isel_twin
 
 START = {"plant": "mujoco", "seed": 3}
 STEP_S = 0.02
+MOVE = ("@07", "@0N7", "@0A1600,2000,800,2000,0,900,0,900")
+SENT = "".join(f"{line}\r" for line in MOVE)
 
 
 class Model:
     """An instance in a tool: set and get by name."""
 
-    def __init__(self, path: Path, folder: Path, values: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, folder: Path, values: Mapping[str, Any], start_s: float = 0.0) -> None:
         self.description = read_model_description(str(path))
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         identifier = self.description.coSimulation.modelIdentifier
@@ -42,9 +44,9 @@ class Model:
         self.fmu.instantiate()
         for name, value in values.items():
             self.set(name, value)
-        self.fmu.enterInitializationMode()
+        self.fmu.enterInitializationMode(startTime=start_s)
         self.fmu.exitInitializationMode()
-        self.time_s = 0.0
+        self.time_s = start_s
 
     def set(self, name: str, value: Any) -> None:
         variable = self.variables[name]
@@ -81,9 +83,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def model(built: Path, tmp_path: Path) -> Iterator[Callable[..., Model]]:
     opened: list[Model] = []
 
-    def open_one(interface: str, **values: Any) -> Model:
+    def open_one(interface: str, start_s: float = 0.0, **values: Any) -> Model:
         folder = tmp_path / str(len(opened))
-        opened.append(Model(built / f"{interface}.fmu", folder, {**START, **values}))
+        opened.append(Model(built / f"{interface}.fmu", folder, {**START, **values}, start_s))
         return opened[-1]
 
     yield open_one
@@ -98,6 +100,7 @@ def test_it_is_valid(built: Path, interface: str) -> None:
     assert validate_fmu(path) == []
     described = read_model_description(path)
     means = described.coSimulation
+    assert means.canHandleVariableCommunicationStepSize
     assert (means.canGetAndSetFMUstate, means.canSerializeFMUstate) == (True, True)
     units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
     assert {name: (unit.factor, unit.kg, unit.m, unit.s, unit.A) for name, unit in units.items()} == {
@@ -144,9 +147,9 @@ def test_bytes_of_a_host_to_the_bits_of_the_twin_and_back(model: Callable[..., M
 
 
 def test_a_state_goes_into_another_instance(model: Callable[..., Model]) -> None:
-    """By its bytes, into one with other parameters that has not begun: it is the same twin then."""
-    one, other = model("serial"), model("serial", seed=8, plant="kinematic")
-    one.set("to_controller", "@07\r@0A1600,2000,800,2000,0,900,0,900\r")
+    """By its bytes, into one with other parameters that has not begun: the same twin then, with the same start."""
+    one, other = model("serial", 100.0), model("serial", seed=8, plant="kinematic")
+    one.set("to_controller", SENT)
     for _ in range(5):
         one.step()
     kept = one.fmu.serializeFMUState(one.fmu.getFMUState())
@@ -187,6 +190,85 @@ def test_set_points_of_another_control_and_a_hood(model: Callable[..., Model]) -
         assert one.place == place(twin)
         assert one.get("power") == (step < 20)
     assert one.get("lost_x") > 100
+
+
+@pytest.mark.parametrize("start_s", [100.0, -7.25, 1e9])
+def test_two_instances_by_random_steps_from_any_start(model: Callable[..., Model], start_s: float) -> None:
+    """Steps from 1 ns to 0.3 s, in turns with another instance that starts elsewhere: each is the twin to the bit."""
+    sizes_s = 10 ** np.random.default_rng(5).uniform(-9, -0.5, 25)
+    sizes_s[0] = 1e-6
+    pair = [
+        (model("serial", start, plant="kinematic"), start, Twin("4030", "imc-s8", "kinematic"))
+        for start in (start_s, 0.0)
+    ]
+    for one, _, twin in pair:
+        one.set("to_controller", SENT)
+        twin.write(SENT.encode())
+    for size_s in sizes_s.tolist():
+        for one, start, twin in pair:
+            one.fmu.doStep(currentCommunicationPoint=one.time_s, communicationStepSize=size_s)
+            one.time_s += size_s
+            twin.run_until(round((one.time_s - start) * 1e9))
+            assert one.get("time") == one.time_s
+            assert one.place == place(twin)
+            assert one.get("from_controller") == twin.read().decode()
+    assert twin.counts[0] > 500
+
+
+def test_a_simulation_that_ends_between_steps_with_an_input_that_changes_within_one(built: Path) -> None:
+    """The tool divides the time at the input's change and ends where it was asked to: 100.0321 s, not 100.03 s."""
+    opened = np.array([(0.0, False), (100.0137, True)], dtype=[("time", np.float64), ("hood_open", np.bool_)])
+    result = simulate_fmu(
+        str(built / "serial.fmu"),
+        start_time=100.0,
+        stop_time=100.0321,
+        output_interval=0.01,
+        start_values={"plant": "kinematic", "job": "\n".join(MOVE)},
+        input=opened,
+        output=["counter_x", "counter_y", "power"],
+    )
+    twin = Twin("4030", "imc-s8", "kinematic")
+    twin.write(SENT.encode())
+    twin.run_until(13_700_000)
+    twin.set_input("hood", "open")
+    twin.run_until(32_100_000)
+    assert result["time"].tolist() == pytest.approx([100.0, 100.01, 100.0137, 100.02, 100.03, 100.0321], abs=1e-9)
+    assert [result[f"counter_{axis}"][-1] for axis in "xy"] == list(twin.counts[:2])
+    assert result["power"].tolist() == [1, 1, 1, 0, 0, 0]
+    assert twin.outputs["power"] == 0
+
+
+def test_set_points_in_steps_of_any_size(model: Callable[..., Model]) -> None:
+    """150 s evenly, as three rows of 50 s; then steps of 0.3 us, in which set points wait for the microsecond."""
+    one = model("steps", -100.0, plant="kinematic")
+    twin = Twin(controller="external", plant="kinematic", overrides={"controller.watchdog_ms": 0})
+    for line in ("form led", "out power_request=1 stages=1 brake=1"):
+        twin.query(line)
+    one.set("command_x", 12000)
+    one.step(150.0)
+    for row in (1, 2, 3):
+        twin.query(f"row {50 * 10**9 * row - (twin.time_ns if row == 1 else 50 * 10**9 * (row - 1))} {4000 * row} 0 0")
+    assert one.place == place(twin)
+    assert one.get("counter_x") == 12000
+    counters = []
+    for step in range(8):
+        one.set("command_x", 12001 + step // 4)
+        one.fmu.doStep(currentCommunicationPoint=one.time_s, communicationStepSize=3e-7)
+        one.time_s += 3e-7
+        counters.append(one.get("counter_x"))
+    assert counters == [*[12000] * 3, *[12001] * 3, 12001, 12002]
+
+
+@pytest.mark.parametrize("step_s", [0.0, -0.01, float("nan"), float("inf"), 1e300])
+def test_a_step_that_cannot_be_changes_nothing(model: Callable[..., Model], step_s: float) -> None:
+    one = model("serial", 100.0, plant="kinematic")
+    for begun_s in (100.0, 100.02):
+        with pytest.raises(Exception, match=r"fmi3DoStep|failed"):
+            one.fmu.doStep(currentCommunicationPoint=begun_s, communicationStepSize=step_s)
+        one.step()
+    with pytest.raises(Exception, match=r"fmi3DoStep|failed"):
+        one.fmu.doStep(currentCommunicationPoint=100.0, communicationStepSize=0.01)
+    assert one.get("time") == pytest.approx(100.04, abs=1e-9)
 
 
 def test_wrong_parameters_and_impossible_steps_are_errors_of_fmi(model: Callable[..., Model]) -> None:

@@ -51,7 +51,7 @@ CLIENTS = 4  # at once, where the limit is looked at
 @pytest.fixture
 def beside(serve: Any) -> Iterator[tuple[Served, Served]]:
     """A served twin, and the server beside it."""
-    machine = serve("--control", "127.0.0.1:0", "--tcp", "127.0.0.1:0")
+    machine = serve("--control", "127.0.0.1:0", "--tcp", "127.0.0.1:0", speed="1")
     call = (machine.info["control"], "--tcp", "127.0.0.1:0", "--interval", "0.02")
     shown = Served(call, "opcua")
     yield machine, shown
@@ -127,6 +127,27 @@ async def complete(client: Client, node: Node, like: Node | None = None) -> int:
     return count
 
 
+async def looks_like_its_value(node: Node) -> None:
+    """ValueRank (OPC 10000-3, 5.6.2) is that of the value: -1 a scalar, 1 an array of one dimension."""
+    rank = (await node.read_attribute(ua.AttributeIds.ValueRank)).Value.Value
+    assert rank == (1 if (await node.read_data_value()).Value.is_array else -1), node
+
+
+async def at_a_bounded_rate(client: Client, interval_s: float) -> None:
+    """The time of a machine that is looked at each interval_s, by a client that asks for a sample each ms."""
+    node, told = await variable(client, "Twin:VirtualTime"), Values()
+    assert (await node.read_attribute(ua.AttributeIds.MinimumSamplingInterval)).Value.Value == 1000.0 * interval_s
+    clock = asyncio.get_running_loop().time
+    subscription = await client.create_subscription(1, told)
+    began_s = clock()
+    await subscription.subscribe_data_change(node, queuesize=1000, sampling_interval=1.0)
+    async with asyncio.timeout(REPLY_S):
+        while len(told.values) < 10:
+            await asyncio.sleep(0.01)
+    assert len(told.values) <= (clock() - began_s) / interval_s + 2, "the first at once, one on its way"
+    await subscription.delete()
+
+
 def test_the_companion_specification_and_what_happens(
     beside: tuple[Served, Served], serve: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,6 +164,8 @@ def test_the_companion_specification_and_what_happens(
             assert await complete(client, channel) == 6
             for node in NODES:
                 assert await seen(client, node.path) is not None
+                await looks_like_its_value(await variable(client, node.path))
+            await at_a_bounded_rate(client, 0.02)
             assert await seen(client, "MT:Monitoring/MT:MachineTool/MT:OperationMode") == 1
             assert await seen(client, "DI:Identification/DI:ProductInstanceUri") == "urn:isel-twin:4030:0"
             axis = await found.get_child(await named(client, "Twin:Axes/Twin:X/Twin:ActualPosition"))
@@ -183,6 +206,16 @@ def test_the_companion_specification_and_what_happens(
     assert shown.stop(signal.SIGTERM) == 0
 
 
+class Values:
+    """Values that a subscription has told."""
+
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+
+    def datachange_notification(self, node: Node, value: Any, data: Any) -> None:
+        self.values.append(value)
+
+
 class Told:
     """What a subscription has told: of each event its name, whether it is active, text and severity."""
 
@@ -213,14 +246,14 @@ class Still:
 
     def __exit__(self, *_: object) -> None: ...
 
-    def ask(self, _: Any) -> Any:
+    def state(self) -> Any:
         return self._state
 
 
 class Bare:
     """In place of the machine's nodes, where nobody looks at them."""
 
-    def __init__(self, _: Server) -> None: ...
+    def __init__(self, _: Server, interval_s: float) -> None: ...
     async def build(self, _: Any) -> None: ...
     async def show(self, _: Any) -> None: ...
 

@@ -179,6 +179,15 @@ def test_closing_and_reopening_keep_position_and_reference(port):
     assert ask(port, MOVE) == "0"
 
 
+def test_a_reopened_port_has_its_flash_file_again(tmp_path):
+    url = f"{URL}&flash={tmp_path / 'flash'}"
+    with serial.serial_for_url(url) as first:
+        first.close()
+        first.open()
+        with pytest.raises(SerialException, match="in use"):
+            serial.serial_for_url(url)
+
+
 def test_two_ports_are_two_machines(port):
     assert ask(port, MOVE) == "0"
     with serial.serial_for_url(URL, timeout=10) as other:

@@ -254,6 +254,20 @@ def test_refusals_are_those_of_a_computer_without_a_network(host: Host, capsys: 
     ]
 
 
+def test_a_closed_file_is_told_in_each_list_of_select(host: Host, capsys: pytest.CaptureFixture[str]) -> None:
+    text = """
+        import errno, os, select
+        closed, other = os.pipe()
+        os.close(closed)
+        for lists in (([closed], [], []), ([], [closed], []), ([], [], [closed])):
+            try:
+                select.select(*lists, 0)
+            except OSError as error:
+                print(errno.errorcode[error.errno])
+    """
+    assert shown(host, capsys, text) == ["EBADF"] * 3
+
+
 def test_a_deadlock_names_the_socket(host: Host) -> None:
     done = host("import socket\nsocket.create_server(('', 0)).accept()")
     assert (done.ending, done.code) == ("deadlock", 1)

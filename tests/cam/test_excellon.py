@@ -145,6 +145,12 @@ def test_what_was_assumed_is_said_with_the_size_that_it_makes() -> None:
     assert cautions("excellon", text, dataclasses.replace(DRILL, drill_format="3:3")) == []
 
 
+def test_a_file_that_makes_no_hole_has_no_size_to_be_said() -> None:
+    assert cautions("excellon", "M48\nMETRIC,TZ\nT1C1.0\n%\nT1\nG00X12500Y7000\nM30\n", DRILL) == [
+        "numbers are read as mm 3:3, trailing zeros written (TZ), which the file does not say; if not, set drill_format"
+    ]
+
+
 AMBIGUOUS = "M48\nMETRIC\nT1C1.0\n%\nT1\nX12345Y0\nM30\n"
 CONTRADICTORY = "M48\nMETRIC\nT1C1.0\n%\nT1\nX12500Y0\nX0125Y0\nM30\n"
 SHORT = "M48\nINCH,TZ\nT1C0.03\n%\nT1\nX0060743Y0\nM30\n"

@@ -54,6 +54,24 @@ def test_steps_of_klipper(tmp_path: Path) -> None:
     assert ticks.delta.shape[1] == 3
 
 
+def test_a_fresh_board_has_no_reset(tmp_path: Path) -> None:
+    """It counts from 0. X moves for 30 s; Y is still until 25 s, when its first interval has passed 2^32 at 180 MHz."""
+    rate_hz, apart, wrap = 180_000_000, 180_000, 1 << 32
+    late = 25 * rate_hz
+    x = "queue_step oid=4 interval=180000 count=5000 add=0\n"
+    text = HEAD + "set_next_step_dir oid=4 dir=1\n" + x * 5
+    text += f"set_next_step_dir oid=7 dir=0\nqueue_step oid=7 interval={late - wrap} count=1 add=0\n"
+    text += "queue_step oid=7 interval=180000 count=2 add=0\n" + x
+    path = tmp_path / "part.dump"
+    path.write_text(text)
+    ticks = load(path, sample_rate_hz=rate_hz)
+    x_ns, y_ns = (ticks.t_ns[ticks.delta[:, axis] != 0].tolist() for axis in (0, 1))
+    assert x_ns == [1_000_000 * k for k in range(1, 30_001)]  # from a millisecond before the first step on
+    assert y_ns == [1_000_000 * k for k in range(25_000, 25_003)]
+    assert apart * 1000 == rate_hz
+    assert ticks.delta.sum(axis=0).tolist() == [30_000, -3, 0]
+
+
 def test_positions_of_grblhal(tmp_path: Path) -> None:
     text = "# block number 0\n0.00100 0, 0, 0, 0\n0.00200 4, -2, 0, 0\n0.00300 4, -2, 0, 0\n0.00400 3, -2, 1, 0\n"
     ticks = read(tmp_path, text, "out")

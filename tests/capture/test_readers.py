@@ -99,11 +99,69 @@ def test_usual_names_need_no_map(tmp_path: Path, names: tuple[str, str]) -> None
     assert load(path).delta[:, 0].tolist() == DELTA
 
 
-def test_unknown_values_are_no_edges(tmp_path: Path) -> None:
-    """x and z: a wire keeps the level it had, and the first one it has is not an edge."""
-    body = '#0 x! z"\n#10 1! 1"\n#20 x!\n#30 1!\n#40 0!\n#50 z!\n#60 1!\n#70 Z! -! U!\n'
+def test_unknown_values_are_no_edges_but_gaps(tmp_path: Path) -> None:
+    """x and z: a wire keeps the level it had. The first one it has is an edge if it is an active one, and told."""
+    body = '#0 x! z"\n#10 1! 1"\n#20 x!\n#30 1!\n#40 0!\n#50 z!\n#60 1!\n#70 Z! -! U!\n#80\n'
     path = written(tmp_path, "a.vcd", PULSEVIEW_VCD.partition("#0")[0] + body)
-    assert load(path, MAP).t_ns.tolist() == [6000]
+    ticks = load(path, MAP)
+    assert ticks.t_ns.tolist() == [1000, 6000]
+    assert ticks.gaps == ((2000, 3000), (5000, 6000), (7000, 8000))
+    assert ticks.remarks == (
+        "X: its step signal has its first level at 0.000001 s, an active one; that is counted as a step",
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "edge", "t_ns", "told"),
+    [
+        ('#0 x! 1"\n#10 0!\n#20 1!\n', "rising", [2000], None),
+        ('#0 x! 1"\n#10 0!\n#20 1!\n', "falling", [1000], "that is counted as a step"),
+        ('#0 x! 1"\n#10 1!\n#20 0!\n', "both", [2000], "that is not counted as a step"),
+        ('#0 1! 1"\n#10 0!\n#20 1!\n', "rising", [2000], "active from the beginning on; that is not counted"),
+        ('#0 1"\n#10 1!\n#20 0!\n', "rising", [1000], None),  # first named at its change: it was 0 before
+        ('#0 1"\n#10 1!\n#20 0!\n', "both", [1000, 2000], None),
+        ('#0 0! 1"\n#7\n$dumpall 0! 1" $end\n#10 1!\n#20 0!\n', "rising", [1000], None),
+        ('#5\n$dumpvars 0! 1" $end\n#10 1!\n#20 0!\n', "rising", [1000], None),
+    ],
+)
+def test_the_first_level_of_step(tmp_path: Path, body: str, edge: str, t_ns: list[int], told: str | None) -> None:
+    """IEEE 1364: x to 1 is a rising edge, x to 0 a falling one; a dump names a signal when it changes."""
+    path = written(tmp_path, "a.vcd", PULSEVIEW_VCD.partition("#0")[0] + body)
+    ticks = load(path, MAP, edge=edge)
+    assert ticks.t_ns.tolist() == t_ns
+    assert ticks.delta[:, 0].tolist() == [1] * len(t_ns)
+    assert [told in one for one in ticks.remarks] == ([True] if told else [])
+
+
+HALSAMPLER = "".join(
+    f"{k} {step} {way} 0.250000 {k * 7 - 9} \n" for k, (step, way) in enumerate(zip(*STEPS, strict=True))
+)
+"""Of `halsampler -t`: number, two pins of kind bit, one float, one s32; a blank behind each."""
+
+
+def test_halsampler_takes_a_rate(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.txt", HALSAMPLER)
+    ticks = load(path, ["x.step=2,x.dir=3"], sample_rate_hz=80_000)
+    assert (ticks.t_ns.tolist(), ticks.delta[:, 0].tolist(), ticks.end_ns) == (T_NS, DELTA, 75_000)
+    assert ticks.resolution_ns == 12_500
+    with pytest.raises(CaptureError, match=r"neither a column of times nor a sample rate.*--sample-rate"):
+        load(path, ["x.step=2,x.dir=3"])
+    untagged = "".join(line.partition(" ")[2] for line in HALSAMPLER.splitlines(keepends=True))
+    plain = load(written(tmp_path, "b.txt", untagged), ["x.step=1,x.dir=2"], sample_rate_hz=80_000)
+    assert (plain.t_ns.tolist(), plain.end_ns) == (T_NS, 75_000)
+
+
+def test_an_overrun_of_halsampler_is_a_gap(tmp_path: Path) -> None:
+    """Its numbers go on behind the missing samples."""
+    lines = HALSAMPLER.splitlines(keepends=True)
+    late = "".join(f"{k + 10}{lines[k].removeprefix(str(k))}" for k in range(3, 7))
+    path = written(tmp_path, "a.txt", "".join(lines[:3]) + "overrun\n" + late)
+    ticks = load(path, ["x.step=2,x.dir=3"], sample_rate_hz=80_000)
+    assert ticks.t_ns.tolist() == [12_500, 162_500, 187_500]
+    assert ticks.gaps == ((25_000, 162_500),)
+    untagged = "0 1 \n1 1 \n0 1 \noverrun\n1 1 \n"
+    with pytest.raises(CaptureError, match=r"line 4: 'overrun': samples are missing, .* halsampler -t"):
+        load(written(tmp_path, "b.txt", untagged), ["x.step=1,x.dir=2"], sample_rate_hz=80_000)
 
 
 def test_comments_texts_and_numbers_of_a_dump_are_passed_over(tmp_path: Path) -> None:

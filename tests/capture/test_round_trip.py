@@ -183,6 +183,28 @@ def test_what_a_capture_cannot_tell_is_not_judged_and_said(call: Any, tmp_path: 
     assert "not looked at: setup_us, hold_us; the capture resolves 1000 ns" in out
 
 
+def test_a_gap_is_not_well(call: Any, tmp_path: Path) -> None:
+    """140 steps at 1 kHz with $dumpoff for 7 ms: 133 are captured."""
+    lines = ["$timescale 1 us $end", "$var wire 1 s x_step $end", "$var wire 1 d x_dir $end", "$enddefinitions $end"]
+    lines += ["#0", "$dumpvars 0s 1d $end"]
+    for k in range(1, 141):
+        if k == 61:
+            lines += ["#60500", "$dumpoff xs xd $end"]
+        if k == 68:
+            lines += ["#67500", "$dumpon 0s 1d $end"]
+        if not 61 <= k < 68:
+            lines += [f"#{1000 * k}", "1s", f"#{1000 * k + 5}", "0s"]
+    (tmp_path / "gap.vcd").write_text("\n".join(lines) + "\n")
+    code, out, _ = call("drive", "gap.vcd", *OPTIONS[:2], "--start", "50,50,20")
+    assert code == 1
+    assert "nothing is captured from 0.060500 to 0.067500 s: steps made then are missing" in out
+    code, out, _ = call("drive", "gap.vcd", *OPTIONS, "--start", "50,50,20")
+    summary = json.loads(out.splitlines()[-1])
+    assert (code, summary["ok"], summary["steps"]) == (1, False, 133)
+    assert summary["capture"]["gaps_ns"] == [[60_500_000, 67_500_000]]
+    assert [(one["rule"], one["time_s"]) for one in summary["findings"]] == [("signal", 0.0605)]
+
+
 def test_a_switch_that_is_struck_from_the_beginning_is_not_well(call: Any, tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", t_ns=np.arange(1, 81) * 200_000, delta=np.ones((80, 1), dtype=np.int8))
     words = ("drive", "a.npz", "--plant", "kinematic", "--start=-1,50,20")

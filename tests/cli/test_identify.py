@@ -114,22 +114,16 @@ def test_what_predicts_worse_writes_nothing(
     assert not shop.exists()
 
 
-def test_json_has_it_all(near: Path, days: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = call(
-        capsys,
-        "identify",
-        *days,
-        *measured(days),
-        "--machine",
-        near,
-        "--fit",
-        "backlash.x",
-        "--hold-out",
-        "0",
-        "--json",
-    )
+def test_json_has_it_all(days: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And a machine that comes with the package is the base of one in any folder."""
+    shop = tmp_path / "machines" / "shop"
+    ends = [f"axes.{axis}.power_on_{end}" for axis in "xyz" for end in ("low=2.0", "high=3.0")]
+    near = [part for value in (*ends, "timing.motor_substep=50.0") for part in ("--set", value)]
+    options = ("--machine", "4030", *near, "--fit", "backlash.x", "--hold-out", "0", "--patch", shop, "--json")
+    code, out, _ = call(capsys, "identify", *days, *measured(days), *options)
     content = json.loads(out)
     assert code == 0
+    assert load_machine(shop).tree["axes"]["x"]["backlash"]["value"] == pytest.approx(0.04, rel=0.1)
     assert content["fitted"]["recordings"] == ["day1", "day2"]
     assert content["times_better"] is None
     (found,) = content["parameters"]

@@ -103,13 +103,13 @@ def test_the_tuned_job_is_faster_and_holds(tune: Any, tmp_path: Path) -> None:
 
 
 def test_an_edge_that_is_asked_for_is_kept(tune: Any, tmp_path: Path) -> None:
-    """A swing grows from some 21 000 Hz on, from less on machines with less supply: twice as far from it is at most
-    10 500 Hz."""
+    """A swing grows from some 22 800 Hz on, from less on machines with less supply: twice as far from it is at most
+    11 500 Hz."""
     few = ("--trials", "6", "--robust", "0", "--confirm", "1", "--acceleration", "100", "--start-stop", "300")
     code, out, err = tune("tune", "job.txt", *few, "--margin", "0", "--edge", "2", "--json")
     assert (code, err) == (0, "")
     *_, summary = map(json.loads, out.splitlines())
-    assert 9000 < summary["tuned"]["values"]["speed_hz"] <= 10_540
+    assert 9000 < summary["tuned"]["values"]["speed_hz"] <= 11_500
     code, out, _ = tune("run", "job.tuned.txt", "--json", "--plant", "mujoco")
     assert code == 0
     edges = [edge for line in map(json.loads, out.splitlines()[3:-1]) for edge in line["edge"] if edge]

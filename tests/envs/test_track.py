@@ -20,7 +20,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
-from isel_twin.drives.stability import limit_rad_s
 from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.track import TrackPath
@@ -120,7 +119,7 @@ def test_the_edge_is_the_limit_over_the_speed_and_each_step_has_its_own(supply: 
     _, info = env.reset(seed=0, options={"supply": supply})
     assert info["edge"] == math.inf
     y = env.machine.axes[1]
-    limit = limit_rad_s(y.motor, replace(y.stage, supply_v=supply * y.stage.supply_v))
+    limit = replace(y, stage=replace(y.stage, supply_v=supply * y.stage.supply_v)).swing_limit_rad_s
     for share in [*np.linspace(0.02, 1.0, 50), *[1.0] * 50]:
         *_, info = env.step(np.array([0.0, share, 0.0]))
     assert info["edge"] == pytest.approx(limit / (20.0 * math.pi), rel=0.01)

@@ -17,7 +17,6 @@ import pytest
 import serial
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from isel_twin.drives.stability import limit_rad_s
 from tests.forked import start
 from tests.in_process import isel_twin
 from tests.panel.conftest import LOOPBACK, WAIT_S, Bench
@@ -112,7 +111,7 @@ def test_the_edge_of_each_axis_is_seen(bench, open_panel):
     here = bench(speed=5.0, ready=True, plant="mujoco")
     page = open_panel(here)
     axis = here.twin.machine.axes[0]
-    limit_hz = limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
+    limit_hz = axis.swing_limit_rad_s * axis.steps_per_rev / (2.0 * math.pi)
     edge = page["[data-axis=x] td:nth-child(9)"]
     expect(page["#axes th:nth-child(9)"]).to_have_text("least edge")
     page.say(f"@0A 64000,{round(limit_hz / 2.0)},0,30,0,30,0,30")

@@ -137,6 +137,17 @@ def test_a_button_that_is_held_is_let_go_when_its_browser_goes(bench, browser):
     other.until(lambda: other.frame["inputs"]["start"] == "up")
 
 
+def test_a_button_that_was_let_go_is_not_let_go_again_when_its_browser_goes(bench, browser):
+    here = bench()
+    page, other = browser(here), browser(here)
+    page.request(ask={"set": {"start": "down"}}, gone={"set": {"start": "up"}})
+    page.request(ask={"set": {"start": "up"}})
+    other.request(ask={"set": {"start": "down"}})
+    page.close()
+    other.until(lambda: len(here.panel._site._browsers) == 1)
+    assert other.ask(state=True)["inputs"]["start"] == "down"
+
+
 def test_more_browsers_than_there_is_room_for_are_told(bench, browser):
     from isel_twin.bridge.operate.panel.site import BROWSERS
 
@@ -161,6 +172,17 @@ def test_who_asks_without_end_is_let_go_and_nobody_else(bench, browser):
     with pytest.raises(ConnectionClosed, match=f"more than {UNANSWERED} requests at once"):
         without_end()
     assert other.ask(set={"hood": "forced"})["inputs"] == {"hood": "open"}
+
+
+def test_who_asks_as_much_as_is_allowed_at_once_is_answered(bench, browser):
+    from isel_twin.bridge.operate.panel.site import UNANSWERED
+
+    here = bench()
+    page, other = browser(here), browser(here)
+    for number in range(UNANSWERED):
+        page.socket.send(json.dumps({"id": number, "ask": {"wait": {"input": "hood", "is": "open"}}}))
+    other.ask(set={"hood": "forced"})
+    page.until(lambda: page.answers.keys() == {*range(UNANSWERED)})
 
 
 def test_a_browser_that_comes_later_gets_what_was_said_and_plotted(bench, browser):

@@ -354,6 +354,7 @@ def test_a_recording_plays_again_and_there_is_a_picture(
     (path,) = recordings(result.stdout.str())
     assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert path.parent.name == "isel-twin", "in the folder of the test"
+    assert "ends elsewhere" not in result.stdout.str(), "the hood was opened there, too"
     capsys.readouterr()
     with pytest.raises(SystemExit) as ended:
         main(["replay", str(path)])

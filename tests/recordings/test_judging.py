@@ -70,6 +70,12 @@ def test_one_late_reply_of_a_move_is_no_difference_and_two_are() -> None:
     assert kinds(found) == [(12, "duration"), (15, "duration")]
 
 
+def test_sessions_of_moves_alone_say_that_no_quick_reply_tells_their_scatter() -> None:
+    found = judged(session(*MOVES), session(*MOVES))
+    assert found.same
+    assert str(found.jitter).startswith("0 quick replies:")
+
+
 AGAIN = tuple((f"@0A{300 * (-1) ** n},1000,0,30,0,30,0,30", 320.0, b"0") for n in range(6))
 """Forth and back, three times."""
 

@@ -112,10 +112,7 @@ def waveforms(path: Path) -> tuple[dict[str, list[tuple[int, object]]], int]:
                 TokenKind.CHANGE_STRING,
             ):
                 change = token.data
-                value = change.value
-                if isinstance(value, int) and value >> 63:  # integers have 64 bits, the uppermost one is the sign
-                    value -= 1 << 64
-                changes[names[change.id_code]].append((now, value))
+                changes[names[change.id_code]].append((now, change.value))
     return changes, now
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +14,9 @@ import foxglove_schemas_protobuf.Log_pb2 as log_pb
 import foxglove_schemas_protobuf.SceneUpdate_pb2 as scene_pb
 import numpy as np
 import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.json_format import ParseDict
+from google.protobuf.message_factory import GetMessages
 from mcap.reader import make_reader
 
 from isel_twin import Twin
@@ -48,7 +51,10 @@ def recorded_session(path: Path, said: dict[str, str]) -> Twin:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("viewer")
     recorded_session(folder / "session.mcap", {"began": BEGAN})
-    assert isel_twin("export", folder / "session.mcap", folder / "view.mcap").returncode == 0
+    assert isel_twin("export", folder / "session.mcap", folder / "proto.mcap").returncode == 0
+    with pytest.MonkeyPatch.context() as without:
+        without.setitem(sys.modules, "foxglove_schemas_protobuf", None)
+        assert isel_twin("export", folder / "session.mcap", folder / "view.mcap").returncode == 0
     return folder
 
 
@@ -85,6 +91,26 @@ def test_foxglove_takes_each_message(told: Told) -> None:
         ("/tf", "foxglove.FrameTransforms"),
         ("/log", "foxglove.Log"),
     }
+
+
+def test_messages_of_foxglove_are_protocol_buffers_where_their_definitions_are(folder: Path, told: Told) -> None:
+    """Decoded by what the file says of itself, as readers of protobuf in MCAP do: the messages of the JSON file."""
+    with (folder / "proto.mcap").open("rb") as file:
+        messages = [message for message in make_reader(file).iter_messages() if message[0] is not None]
+    assert [(c.topic, s.name, m.log_time) for s, c, m in messages if s] == [one[:3] for one in told]
+    kinds: dict[str, Any] = {}
+    for (schema, channel, message), (_, name, _, content) in zip(messages, told, strict=True):
+        assert schema is not None
+        encodings = (schema.encoding, channel.message_encoding)
+        if name not in DEFINED:
+            assert (*encodings, json.loads(message.data)) == ("jsonschema", "json", content)
+            continue
+        assert encodings == ("protobuf", "protobuf")
+        if name not in kinds:
+            kinds[name] = GetMessages(FileDescriptorSet.FromString(schema.data).file)[name]
+        wanted = ParseDict(protobuf(content), kinds[name]())
+        assert kinds[name].FromString(message.data) == wanted
+    assert {*kinds} == {*DEFINED}
 
 
 def test_times_are_those_of_the_wall_clock_if_the_session_had_one(told: Told, tmp_path: Path) -> None:

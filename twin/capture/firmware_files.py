@@ -5,7 +5,8 @@
 
 Klipper (MCU_Commands.md): a step of `queue_step oid= interval= count= add=` comes `interval` ticks after the one
 before, and then `interval` grows by `add`; `reset_step_clock oid= clock=` says from where, modulo 2^32; `dir` of
-`set_next_step_dir` is 1 for positive. Steppers are X, Y, Z ... in the order of `config_stepper`.
+`set_next_step_dir` is 1 for positive. Steppers are X, Y, Z ... in the order of `config_stepper`. Intervals are modulo
+2^32, too: a fresh board counts from 0, and a stepper that moves first after 24 s at 180 MHz has wrapped (capture/6).
 
 Between two lines of step.out the steps are spread evenly, as those of a row (external/5).
 """
@@ -70,6 +71,7 @@ def read_klipper(path: Path, frequency_hz: float | None) -> Ticks:
                         raise CaptureError(
                             f"{path}:{number}: count={fields['count']}; allowed: 1 and more, {_MOST} in all"
                         )
+                    stepper.clock += _wraps(stepper.clock + fields["interval"], latest)
                     latest = max(latest, _queue(stepper, fields["interval"], fields["count"], fields["add"]))
             except CaptureError:
                 raise
@@ -95,6 +97,11 @@ def _unwrapped(clock: int, near: int) -> int:
     if not -_WRAP // 2 <= clock < _WRAP:
         raise ValueError
     return near + (clock - near + _WRAP // 2) % _WRAP - _WRAP // 2 if near else clock
+
+
+def _wraps(clock: int, latest: int) -> int:
+    """The time to add to one that lies more than half a round behind the latest step."""
+    return max(0, _unwrapped(clock % _WRAP, latest) - clock) if latest - clock > _WRAP // 2 else 0
 
 
 def _queue(stepper: _Stepper, interval: int, count: int, add: int) -> int:

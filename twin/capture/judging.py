@@ -9,6 +9,7 @@ from isel_twin.capture.play import Strike
 from isel_twin.capture.ticks import Needs, Ticks
 from isel_twin.jobs.checks.rules import Finding
 
+_MOST_GAPS = 4  # named in a finding; JSON has all
 _OFFENCES = {  # by the names of `AxisTiming` and `Needs`
     "short_pulses": ("pulse_ns", "pulses shorter than {} us"),
     "short_pauses": ("pulse_ns", "pauses between pulses shorter than {} us"),
@@ -18,7 +19,16 @@ _OFFENCES = {  # by the names of `AxisTiming` and `Needs`
 
 
 def of_signals(ticks: Ticks, needs: Needs) -> Iterator[Finding]:
-    """Times that are too short for the drives of each axis. Steps without power are the verdict's (`unpowered`)."""
+    """Gaps (capture/5), and times too short for the drives of each axis. Steps without power are the verdict's
+    (`unpowered`).
+    """
+    if ticks.gaps:
+        where = ", ".join(
+            f"{begin / SECOND_NS:.6f} to {end / SECOND_NS:.6f} s" for begin, end in ticks.gaps[:_MOST_GAPS]
+        )
+        more = f" and {len(ticks.gaps) - _MOST_GAPS} times more" if len(ticks.gaps) > _MOST_GAPS else ""
+        told = f"nothing is captured from {where}{more}: steps made then are missing"
+        yield Finding("signal", told, time_ns=ticks.gaps[0][0])
     for axis, timing in ticks.timing.items():
         for name, (need, words) in _OFFENCES.items():
             if (offence := getattr(timing, name)) is not None:

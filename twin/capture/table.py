@@ -6,9 +6,12 @@
     0.000012500,1         logic,logic                         12,5;1;1
                           0,1
 
-Separated by comma, semicolon or tab; lines that begin with ; or # are comments, empty ones are skipped. Times are
-decimal numbers in the unit of the column's name, converted exactly to whole nanoseconds; or there are none, and each
-row is one sample at a known rate. Cells are 0 or 1.
+Separated by comma, semicolon, tab or, without any of these, blanks; lines that begin with ; or # are comments, empty
+ones are skipped. Times are decimal numbers in the unit of the column's name, converted exactly to whole nanoseconds; or
+there are none, and each row is one sample at a known rate. Cells are 0 or 1.
+
+LinuxCNC's `halsampler -t` writes the number of each sample before its values, and "overrun" where some are missing: a
+gap from the number before to the one after.
 """
 
 from __future__ import annotations
@@ -27,10 +30,11 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
 from isel_twin.capture import wave
-from isel_twin.capture.vcd import scanned, waves_of
+from isel_twin.capture.vcd import ALL, FOUND, LOST, gaps_of, scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}  # powers of ten from a unit of time to nanoseconds
+OVERRUN = "overrun"
 HEADER_LINES = 200  # lines within which the first row must be found
 LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is not a table
 FASTEST_HZ = 4 * SECOND_NS
@@ -57,6 +61,7 @@ _PROBLEMS = {
     3: "is neither 0 nor 1; export digital channels",
     4: "the row has fewer columns than the first one; export the capture again",
     5: "the time is beyond 31 years; give the unit by --time-unit",
+    6: "samples are missing, and their numbers, too, which would tell how many; take them by halsampler -t",
 }
 
 
@@ -75,6 +80,11 @@ class Table:
                 raise CaptureError(f"{path}: is empty")
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         comments, rows, places = self._beginning()
+        if not any(mark in rows[-1][1] for mark in "\t;,") and len(rows[-1][1].split()) > 1:
+            text = b"\n".join(b",".join(line.split()) for line in self._data[:].splitlines())
+            self._data = mmap.mmap(-1, len(text))
+            self._data.write(text)
+            _, rows, places = self._beginning()
         first = rows[0][1]
         self._delimiter = next((mark for mark in "\t;" if mark in rows[-1][1]), ",")
         try:
@@ -84,12 +94,13 @@ class Table:
         except csv.Error as error:
             raise CaptureError(f"{path}: line {rows[0][0]}: {error}") from None
         headed = not all(_NUMBER.fullmatch(cell) for cell in cells if cell)
+        numbered = not headed and _count_up([row.partition(self._delimiter)[0] for _, row in rows])
         said = _names_in(comments)
         rate_hz = sample_rate_hz if sample_rate_hz is not None else _rate_in(comments)
         if headed and len(rows) < 2:
             raise CaptureError(f"{path}: has no row below its header")
         self._begin, self._line = places[int(headed)], rows[int(headed)][0]
-        self._time, self._unit = self._time_column(cells, headed, time_unit, rate_hz, said)
+        self._time, self._unit = self._time_column(cells, headed, time_unit, rate_hz, numbered)
         columns = [column for column in range(len(cells)) if column != self._time]
         names = [cells[column] for column in columns] if headed else [str(column + 1) for column in columns]
         if len(said) == len(columns) and (not headed or len(set(names)) < len(names) or set(names) == {"logic"}):
@@ -98,7 +109,7 @@ class Table:
         if not all(names) or len(self._columns) < len(names):
             raise CaptureError(f"{path}: line {rows[0][0]}: columns need names of their own: {', '.join(names)[:80]}")
         self._width = len(cells)
-        self._rate_hz = rate_hz if self._time is None else None
+        self._rate_hz = None if self._unit else rate_hz
 
     @property
     def names(self) -> list[str]:
@@ -119,8 +130,9 @@ class Table:
         data = np.frombuffer(self._data, dtype=np.uint8)
         state = np.array([self._begin, self._line, 0 if self._time is None else _NEVER, 0, 0, 0], dtype=np.int64)
         levels, first = np.full(len(order), -1, dtype=np.int8), np.zeros(len(order), dtype=np.int8)
-        power = 0 if self._time is None else UNITS[self._unit]
-        how = data, ord(self._delimiter), columns, self._time is not None, power, state, levels, first
+        power = UNITS[self._unit or "ns"]
+        numbered = self._time is not None and self._rate_hz is not None
+        how = data, ord(self._delimiter), columns, self._time is not None, numbered, power, state, levels, first
         pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
         if state[_PROBLEM]:
             self._tell(state, bytes(data[state[_PLACE] : state[_PLACE] + 40]))
@@ -130,13 +142,15 @@ class Table:
             for times, _ in pieces:
                 whole, rest = np.divmod(times, rate)
                 times[:] = whole * SECOND_NS + (2 * rest * SECOND_NS + rate) // (2 * rate)
-            last = max(last - 1, 0) * SECOND_NS // rate
+            last = (last if numbered else max(last - 1, 0)) * SECOND_NS // rate
         shift = max(0, -int(state[_FIRST])) if self._time is not None else 0
         for times, _ in pieces:
             times += shift
-        waves = dict(zip(names, (waves_of(pieces, first)[order.index(column)] for column in found), strict=True))
+        end_ns = max(last + shift, 0)
+        made = waves_of(pieces, first, end_ns)
+        waves = {name: made[order.index(column)] for name, column in zip(names, found, strict=True)}
         resolution = SECOND_NS / self._rate_hz if self._rate_hz is not None else 0.0
-        return Capture(waves, max(last + shift, 0), resolution, shift)
+        return Capture(waves, end_ns, resolution, shift, gaps_of(pieces, ALL, end_ns)[1])
 
     def _tell(self, state: NDArray[np.int64], data: bytes) -> NoReturn:
         line, problem, column = state[[_LINE, _PROBLEM, _COLUMN]].tolist()
@@ -147,7 +161,7 @@ class Table:
         raise CaptureError(f"{self.path}: line {line}: {about}{_PROBLEMS[problem]}")
 
     def _beginning(self) -> tuple[list[str], list[tuple[int, str]], list[int]]:
-        """Comments, and line numbers, texts and places of the first two rows."""
+        """Comments, and line numbers, texts and places of the first three rows."""
         comments: list[str] = []
         rows: list[tuple[int, str]] = []
         places: list[int] = []
@@ -160,12 +174,12 @@ class Table:
             line = self._data.readline()
             if len(line) > LONGEST_LINE:
                 raise CaptureError(f"{self.path}: line {number}: is too long for a table; export the capture as CSV")
-            if not line or len(rows) == 2:
+            if not line or len(rows) == 3:
                 break
             text = line.decode("utf-8", "replace").strip("\r\n")
             if text[:1] in (";", "#"):
                 comments.append(text[1:].strip())
-            elif text.strip():
+            elif text.strip() and text.strip() != OVERRUN:
                 rows.append((number, text))
                 places.append(place)
         if not rows:
@@ -173,8 +187,9 @@ class Table:
         return comments, rows, places
 
     def _time_column(
-        self, cells: list[str], headed: bool, unit: str | None, rate_hz: float | None, said: list[str]
+        self, cells: list[str], headed: bool, unit: str | None, rate_hz: float | None, numbered: bool
     ) -> tuple[int | None, str]:
+        """The column of times and its unit; none for the numbers of samples, which take a rate."""
         if unit is not None and unit not in UNITS:
             raise WrongCallError(f"time-unit {unit}: must be one of {', '.join(UNITS)}")
         if rate_hz is not None and not (1.0 <= rate_hz <= FASTEST_HZ and rate_hz == round(rate_hz)):
@@ -191,7 +206,7 @@ class Table:
             if found is not None:
                 return column, found
         if rate_hz is not None and (headed or unit is None):
-            return None, ""
+            return 0 if numbered else None, ""
         if unit is not None:
             return 0, unit
         wrong = f"{self.path}: neither a column of times nor a sample rate: {', '.join(cells)[:80]}"
@@ -213,6 +228,12 @@ def _rate_in(comments: Sequence[str]) -> float | None:
     return None
 
 
+def _count_up(cells: Sequence[str]) -> bool:
+    """True for numbers of samples: levels are 0 or 1."""
+    numbers = [int(cell) for cell in cells if cell.strip().isdecimal()]
+    return len(numbers) == 3 and numbers[0] < numbers[1] < numbers[2]
+
+
 def _names_in(comments: Sequence[str]) -> list[str]:
     for comment in comments:
         if match := _CHANNELS.search(comment):
@@ -225,13 +246,14 @@ def _names_in(comments: Sequence[str]) -> list[str]:
 
 
 @njit(nogil=True)
-def _scan(data, delimiter, columns, timed, power, state, levels, first, times, which):
+def _scan(data, delimiter, columns, timed, numbered, power, state, levels, first, times, which):
     """Write the changes of wanted columns from state[_PLACE] on, while there is room for a row; return their number.
 
-    columns int16 [width]: _IS_TIME, -1 ignored, else the signal. power: of ten, from the unit of time to ns. levels,
-    first int8 [signals]: present and first level (-1: none yet); times, which: output.
+    columns int16 [width]: _IS_TIME, -1 ignored, else the signal. numbered: times are the numbers of samples. power: of
+    ten, from the unit of time to ns. levels, first int8 [signals]: present and first level (-1: none yet); times,
+    which: output.
     """
-    size, room, count = data.size, times.size - levels.size, 0
+    size, room, count = data.size, times.size - levels.size - 2, 0
     i, line, before = state[_PLACE], state[_LINE], state[_TIME]
     while i < size and count <= room:
         c = data[i]
@@ -240,6 +262,12 @@ def _scan(data, delimiter, columns, timed, power, state, levels, first, times, w
             i += 1
             continue
         if c in (_SEMICOLON, _HASH):  # a comment
+            i = _line_end(data, i)
+            continue
+        if i + 7 <= size and c == 111 and data[i + 1] == 118 and data[i + 6] == 110:  # ov....n, see OVERRUN
+            if not numbered:
+                state[_PLACE], state[_LINE], state[_PROBLEM] = i, line, 6
+                return count
             i = _line_end(data, i)
             continue
         row, begun, time, seen = i, count, before, 0
@@ -309,6 +337,10 @@ def _scan(data, delimiter, columns, timed, power, state, levels, first, times, w
             return count
         for k in range(begun, count):
             times[k] = time
+        if numbered and before != _NEVER and time > before + 1:
+            times[count], which[count] = before, LOST + ALL
+            times[count + 1], which[count + 1] = time, FOUND + ALL
+            count += 2
         before = time if timed else before + 1
         i = _line_end(data, i)
     state[_PLACE], state[_LINE], state[_TIME] = i, line, before

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
+from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.mapping import OUTPUTS, Signal
 from isel_twin.capture.wave import Capture, Wave
 
@@ -67,6 +68,8 @@ class Ticks:
     timing: Mapping[str, AxisTiming] = field(default_factory=dict)  # by axis; empty if the file has no signals
     resolution_ns: float = 0.0  # time between two samples, 0 if unknown
     shift_ns: int = 0  # added to the times of the file
+    gaps: tuple[tuple[int, int], ...] = ()  # times from and to which a signal has no level: steps there are missing
+    remarks: tuple[str, ...] = ()  # steps that may be counted or not, in words
 
     @property
     def over_ns(self) -> int:
@@ -85,27 +88,29 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
     times: list[NDArray[np.int64]] = []
     signs: list[NDArray[np.int8]] = []
     timing = {}
+    remarks = []
     for axis in used:
         if f"{axis}.step" in waves:
             step, direction = waves[f"{axis}.step"], waves[f"{axis}.dir"]
-            t_ns = _active(step, edge)
+            (t_ns, said), pulses = _steps(step, edge), [step]
             sign = np.where(direction.at(t_ns), 1, -1).astype(np.int8)
             if f"{axis}.full" in waves:
                 sign *= waves[f"{axis}.full"].at(t_ns) + np.int8(1)
             setup, hold = _around(t_ns, direction.t_ns, needs)
-            pulses = [step]
         else:
             pulses = [waves[f"{axis}.plus"], waves[f"{axis}.minus"]]
-            parts = [_active(wave, edge) for wave in pulses]
+            parts, told = zip(*(_steps(wave, edge) for wave in pulses), strict=True)
+            said = " and ".join(filter(None, dict.fromkeys(told)))
             t_ns = np.concatenate(parts)
             sign = np.repeat(np.array([1, -1], dtype=np.int8), [part.size for part in parts])
             order = np.argsort(t_ns, kind="stable")
             t_ns, sign = t_ns[order], sign[order]
             setup = hold = None
-        gaps = np.diff(t_ns)
+        remarks += [f"{axis.upper()}: {said}"] if said else []
+        between = np.diff(t_ns)
         timing[axis] = AxisTiming(
             steps=t_ns.size,
-            fastest_hz=round(1e9 / max(int(gaps.min()), 1), 3) if gaps.size else 0.0,
+            fastest_hz=round(1e9 / max(int(between.min()), 1), 3) if between.size else 0.0,
             short_pulses=None if edge == "both" else _short(pulses, edge == "rising", needs.pulse_ns),
             short_pauses=None if edge == "both" else _short(pulses, edge == "falling", needs.pulse_ns),
             setup=setup,
@@ -119,11 +124,33 @@ def ticks_of(capture: Capture, signals: Mapping[str, Signal], needs: Needs, edge
     delta = np.zeros((t_all.size, count), dtype=np.int8)
     for axis, t_ns, sign in zip(used, times, signs, strict=True):
         np.add.at(delta[:, AXIS_NAMES.index(axis)], np.searchsorted(t_all, t_ns), sign)
-    return Ticks(t_all, delta, capture.end_ns, _outputs(waves), timing, capture.resolution_ns, capture.shift_ns)
+    gaps = _merged([*capture.gaps, *(gap for wave in waves.values() for gap in wave.gaps)])
+    about = capture.resolution_ns, capture.shift_ns, gaps, tuple(remarks)
+    return Ticks(t_all, delta, capture.end_ns, _outputs(waves), timing, *about)
 
 
-def _active(step: Wave, edge: str) -> NDArray[np.int64]:
-    return step.t_ns if edge == "both" else step.edges(rising=edge == "rising")
+def _steps(step: Wave, edge: str) -> tuple[NDArray[np.int64], str]:
+    """Times of the active edges, and what is to be told of the first level (capture/4)."""
+    active = edge == "rising"
+    t_ns = step.t_ns if edge == "both" else step.edges(rising=active)
+    first = f"its step signal has its first level at {step.known_ns / SECOND_NS:.6f} s"
+    if edge == "both":
+        return t_ns, f"{first}; that is not counted as a step" if step.known_ns else ""
+    if step.first != active:
+        return t_ns, ""
+    if step.known_ns:
+        return np.concatenate([[step.known_ns], t_ns]), f"{first}, an active one; that is counted as a step"
+    return t_ns, "its step signal is active from the beginning on; that is not counted as a step"
+
+
+def _merged(gaps: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    merged: list[tuple[int, int]] = []
+    for begin, end in sorted(gaps):
+        if merged and begin <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(end, merged[-1][1])
+        else:
+            merged.append((begin, end))
+    return tuple(merged)
 
 
 def _outputs(waves: Mapping[str, Wave]) -> tuple[tuple[int, str, int], ...]:

@@ -5,9 +5,10 @@
     $enddefinitions $end
     #0 0! #25 1! #30 0!                                 body: #time, value and code, in a compiled scanner
 
-A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps its last one, and
-the first known one is no edge. The scanner takes the whole file as bytes and returns the changes of wanted signals in
-pieces, so that memory is needed for edges, not for text.
+A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps its last one,
+which is a gap in the capture, and so is the time from $dumpoff to $dumpon. A signal that is first named at a change,
+not at the beginning, had the other level before (capture/4). The scanner takes the whole file as bytes and returns the
+changes of wanted signals in pieces, so that memory is needed for edges, not for text.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
 
 MOST_CHANGES = 1 << 20  # most changes from one call of a scanner
 Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]  # times and signals of changes
-_PLACE, _LINE, _TIME, _PROBLEM = range(4)  # fields of a scanner's state
+_PLACE, _LINE, _TIME, _PROBLEM, _BEGIN, _PART = range(6)  # fields of a scanner's state; _BEGIN: the first time
+_CHANGES, _LEVELS, _OFF = range(3)  # parts: changes; levels in $dumpvars and its like; $dumpoff, in which all are x
+LOST, FOUND, ALL = 64, 128, 63  # added to a signal that loses its level or has one again; ALL: all signals
 _LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
-_NO_CHANGE = -2
+_NO_LEVEL, _NO_CHANGE, _OTHER = -1, -2, -3  # x and z; no change at all; a number or a text
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 _PROBLEMS = {
@@ -72,10 +75,12 @@ class Dump:
         codes = [self._find(name) for name in names]
         keys = np.array([_key(code) for code in dict.fromkeys(codes)], dtype=np.int64)
         data = np.frombuffer(self._data, dtype=np.uint8)
-        state = np.array([self._begin, self._line, 0, 0], dtype=np.int64)
+        state = np.array([self._begin, self._line, 0, 0, -1, _CHANGES], dtype=np.int64)
         levels = np.full(len(keys), -1, dtype=np.int8)
         first = np.zeros(len(keys), dtype=np.int8)
-        pieces = scanned(lambda times, which: _scan(data, keys, state, levels, first, times, which), data.size, state)
+        lost = np.zeros(len(keys) + 1, dtype=np.int8)
+        how = data, keys, state, levels, first, lost
+        pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
         if state[_PROBLEM]:
             place = int(state[_PLACE])
             token = bytes(data[place : place + 40]).split(None, 1)[:1] or [b""]
@@ -88,9 +93,10 @@ class Dump:
         for times, _ in pieces:
             _to_ns(times, self._unit_fs)
         order = list(dict.fromkeys(codes))
-        found = waves_of(pieces, first)
+        end_ns = int(state[_TIME]) * self._unit_fs // 10**6
+        found = waves_of(pieces, first, end_ns)
         waves = {name: found[order.index(code)] for name, code in zip(names, codes, strict=True)}
-        return Capture(waves, int(state[_TIME]) * self._unit_fs // 10**6, self._unit_fs / 1e6)
+        return Capture(waves, end_ns, self._unit_fs / 1e6, gaps=gaps_of(pieces, ALL, end_ns)[1])
 
     def _read_header(self, header: str) -> None:
         scopes: list[str] = []
@@ -153,13 +159,28 @@ def _to_ns(times: NDArray[np.int64], unit_fs: int) -> None:
         times //= per_ns
 
 
-def waves_of(pieces: Sequence[Piece], first: NDArray[np.int8]) -> list[Wave]:
+def waves_of(pieces: Sequence[Piece], first: NDArray[np.int8], end_ns: int) -> list[Wave]:
     """The waves of scanned pieces: times int64 [n], signal uint8 [n]; first: int8 [signals]."""
     none = np.empty(0, dtype=np.int64)
     return [
-        Wave(level > 0, np.concatenate([*(times[which == k] for times, which in pieces), none]))
+        Wave(
+            level > 0,
+            np.concatenate([*(times[which == k] for times, which in pieces), none]),
+            *gaps_of(pieces, k, end_ns),
+        )
         for k, level in enumerate(first.tolist())
     ]
+
+
+def gaps_of(pieces: Sequence[Piece], signal: int, end_ns: int) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """The time at which a signal has its first level, 0 if it always has, and the gaps after that."""
+    codes = LOST + signal, FOUND + signal
+    seen = [(times[k], which[k]) for times, which in pieces for k in np.flatnonzero(np.isin(which, codes)).tolist()]
+    known_ns = 0
+    if seen and seen[0][1] == codes[1]:
+        known_ns = int(seen.pop(0)[0])
+    ends = [*(int(time) for time, _ in seen), end_ns]
+    return known_ns, tuple((begin, end) for begin, end in zip(ends[:-1:2], ends[1::2], strict=False) if end > begin)
 
 
 def _key(code: str) -> int:
@@ -171,14 +192,15 @@ def _key(code: str) -> int:
 
 
 @njit(nogil=True)
-def _scan(data, keys, state, levels, first, times, which):
+def _scan(data, keys, state, levels, first, lost, times, which):
     """Write the changes of wanted signals from state[_PLACE] on; return their number. state then says where and why it
     ended.
 
-    keys int64 [signals]; levels, first int8 [signals]: present and first level (-1: none yet); times, which: output.
+    keys int64 [signals]; levels, first int8 [signals]: present and first level (-1: none yet); lost int8 [signals + 1]:
+    1 while it is x or z, the last one in $dumpoff; times, which: output.
     """
-    size, room, count = data.size, times.size, 0
-    i, line, time = state[_PLACE], state[_LINE], state[_TIME]
+    size, room, count = data.size, times.size - 1, 0  # a signal may be found and change at once
+    i, line, time, begin, part = state[_PLACE], state[_LINE], state[_TIME], state[_BEGIN], state[_PART]
     while i < size and count < room:
         c = data[i]
         if c <= _SPACE:
@@ -197,9 +219,19 @@ def _scan(data, keys, state, levels, first, times, which):
             elif value < time:
                 problem = 2
             time = value
-        elif c == _DOLLAR:  # $dumpvars, $end and so on are ignored; a comment goes on to its $end
+            begin = value if begin < 0 else begin
+        elif c == _DOLLAR:  # a comment goes on to its $end; others are ignored
             i = _word_end(data, i)
-            if i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $co(mment)
+            if i - start == 4:  # $end
+                part = _CHANGES
+            elif i - start > 6 and data[start + 1] == 100 and data[start + 2] == 117:  # $du(mp...)
+                off = data[start + 5] == 111 and data[start + 6] == 102  # $dumpof(f)
+                part = _OFF if off else _LEVELS
+                if lost[-1] != off:
+                    times[count], which[count] = time, ALL + (LOST if off else FOUND)
+                    count += 1
+                    lost[-1] = off
+            elif i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $co(mment)
                 i, line = _comment_end(data, i, line)
                 problem = 5 if i < 0 else 0
         else:
@@ -212,21 +244,33 @@ def _scan(data, keys, state, levels, first, times, which):
             i, key = _code_at(data, i)
             if level == _NO_CHANGE or i == named:
                 problem = 3 if level == _NO_CHANGE else 4
-            elif level >= 0:
+            elif level >= _NO_LEVEL:
                 for k in range(keys.size):
                     if keys[k] == key:
-                        if levels[k] < 0:
-                            first[k] = level
-                        elif levels[k] != level:
-                            times[count] = time
-                            which[count] = k
+                        known, late = levels[k] >= 0, 0 <= begin < time
+                        if level == _NO_LEVEL:
+                            if known and not lost[k] and part != _OFF:
+                                times[count], which[count] = time, LOST + k
+                                count += 1
+                            lost[k] |= part != _OFF
+                            break
+                        if lost[k] and (known or late):
+                            times[count], which[count] = time, FOUND + k
                             count += 1
-                        levels[k] = level
+                        if not known:
+                            changed = late and not lost[k] and part == _CHANGES
+                            first[k] = 1 - level if changed else level
+                        else:
+                            changed = levels[k] != level
+                        if changed:
+                            times[count], which[count] = time, k
+                            count += 1
+                        levels[k], lost[k] = level, 0
                         break
         if problem:
             state[_PLACE], state[_LINE], state[_PROBLEM] = start, line, problem
             return count
-    state[_PLACE], state[_LINE], state[_TIME] = i, line, time
+    state[_PLACE], state[_LINE], state[_TIME], state[_BEGIN], state[_PART] = i, line, time, begin, part
     return count
 
 
@@ -251,22 +295,22 @@ def _comment_end(data, i, line):
 
 @njit(nogil=True)
 def _level_at(data, i):
-    """The place of the code after a value, and its level; -1: unknown, or no level."""
+    """The place of the code after a value, and its level, or _NO_LEVEL and its like."""
     c = data[i] | 32  # small letters
     if c == 98 or c == 114 or c == 115:  # b, r, s: a vector, a real number, a text; then blanks
         i += 1
-        level = 0 if c == 98 else -1
+        level = 0 if c == 98 else _OTHER
         while i < data.size and data[i] > _SPACE:
             if c == 98 and data[i] == 49:
                 level = 1
             elif data[i] != 48 and level == 0:
-                level = -1
+                level = _NO_LEVEL
             i += 1
         while i < data.size and data[i] <= _SPACE and data[i] != _LF:
             i += 1
         return i, level
     known = c == 120 or c == 122 or c == 117 or c == 119 or data[i] == 45  # x, z, u, w, -
-    return i + 1, -1 if known else _NO_CHANGE
+    return i + 1, _NO_LEVEL if known else _NO_CHANGE
 
 
 @njit(nogil=True)

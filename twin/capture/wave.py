@@ -9,7 +9,7 @@ Between two times the level does not change, and at each of them it does. Times 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,11 @@ class WrongCallError(CaptureError):
 class Wave:
     first: bool  # level before the first change
     t_ns: NDArray[np.int64]  # int64 [n], never decreasing: times of its changes
+    known_ns: int = 0  # until then it had no level, and is taken to have had its first one
+    gaps: tuple[tuple[int, int], ...] = ()  # times from and to which it had no level later
 
     def inverted(self) -> Wave:
-        return Wave(not self.first, self.t_ns)
+        return replace(self, first=not self.first)
 
     def edges(self, rising: bool) -> NDArray[np.int64]:
         """int64 [m], times at which it rises, or falls."""
@@ -52,3 +54,4 @@ class Capture:
     end_ns: int  # time of the last sample; the first one is not before 0
     resolution_ns: float  # time between two samples, or the time unit of the file; 0 if unknown
     shift_ns: int = 0  # added to the times of a file that begins before 0
+    gaps: tuple[tuple[int, int], ...] = ()  # times from and to which nothing was captured

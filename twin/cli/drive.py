@@ -60,14 +60,15 @@ def drive(
 
     The signals of each axis are named by --map, repeated or separated by commas: x.step and x.dir (or x.plus and
     x.minus), y, z, a ... and a common enable; `step_x`, `Y_DIR` and other usual names need no map. Positive is dir
-    high. Understood are CSV of Saleae Logic and sigrok, other CSV with times, VCD, --steps and --vcd of `run`,
-    and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator (.out).
+    high. Understood are CSV of Saleae Logic and sigrok, LinuxCNC's `halsampler -t`, other CSV with times, VCD, --steps
+    and --vcd of `run`, and, without signals, text of Klipper's parsedump.py (.dump) and step.out of grblHAL's simulator
+    (.out).
 
     Positions are relative to the beginning of the capture: --start, or random by --seed. The default limits of pulses
     and changes of direction are those of a DRV8825; 0 is no limit.
 
-    Exit code 0 if no step was lost, no pulse is too short and no change of direction too late for the drives, and no
-    switch struck that is not named by --may-strike, else 1.
+    Exit code 0 if no step was lost, the capture has no gap, no pulse is too short and no change of direction too late
+    for the drives, and no switch struck that is not named by --may-strike, else 1.
     """
     options.check_seconds("interval", interval, 1e-9)
     options.check_seconds("gap", gap, 1e-6)
@@ -186,6 +187,7 @@ def _summary(path: Path, ticks: Ticks, strikes: Strikes, allowed: Callable[[str]
         "file": str(path), "ticks": len(ticks.t_ns), "first_ns": first_ns, "cycle_ns": last_ns - first_ns,
         "end_ns": ticks.end_ns, "shift_ns": ticks.shift_ns, "resolution_ns": ticks.resolution_ns,
         "struck": [{**dataclasses.asdict(strike), "allowed": allowed(strike.switch)} for strike in strikes.seen],
+        "gaps_ns": ticks.gaps, "remarks": ticks.remarks,
         "timing": {axis: dataclasses.asdict(timing) for axis, timing in ticks.timing.items()},
     }  # fmt: skip
 
@@ -204,6 +206,7 @@ def _in_words(ticks: Ticks, strikes: Strikes, allowed: Callable[[str], bool], un
     for strike in strikes.seen:
         may = " (allowed)" if allowed(strike.switch) else ""
         yield f"{strike.switch} struck at {strike.time_ns / SECOND_NS:.6f} s{may}"
+    yield from ticks.remarks
     for axis, timing in ticks.timing.items():
         yield f"{axis.upper()}: {timing.steps} steps, at most {timing.fastest_hz:g} steps/s"
     if unseen:

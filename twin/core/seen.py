@@ -136,6 +136,11 @@ class Seen:
         return self._plant.margin
 
     @property
+    def fastest_rad_s(self) -> NDArray[np.float64]:
+        """float64 [axes], the largest speed of each motor since `watch_margin`, or since power-on; nan without one."""
+        return self._plant.fastest_rad_s.copy()
+
+    @property
     def torque_band(self) -> NDArray[np.float64]:
         """float64 [axes, 2], the least and the most torque of each stepper motor over the predicted one, at its largest
         speed since `watch_margin` (drives/bands.py); nan without such a motor."""
@@ -151,16 +156,11 @@ class Seen:
     @property
     def speed_edge(self) -> NDArray[np.float64]:
         """float64 [axes], how many times the largest speed since `watch_margin`, or since power-on, each stepper motor
-        may turn until a swing of its rotor grows: steps are lost from 1.03 to 1.26 of that on (drives/stability.py).
-        inf at rest, nan without such a motor."""
-        edge = self._plant.fastest_rad_s.copy()
+        may turn until a swing of its rotor grows (drives/stability.py); inf at rest and where no limit could be told,
+        nan without such a motor."""
+        edge = self.fastest_rad_s
         for i, axis in enumerate(self.machine.axes[: len(edge)]):
-            if edge[i] < SLOW_RAD_S:
-                edge[i] = math.inf
-            elif not math.isnan(edge[i]) and isinstance(axis.motor, Motor) and isinstance(axis.stage, Stage):
-                from isel_twin.drives.stability import limit_rad_s
-
-                edge[i] = limit_rad_s(axis.motor, axis.stage) / edge[i]
+            edge[i] = math.inf if edge[i] < SLOW_RAD_S else axis.swing_limit_rad_s / edge[i]
         return edge
 
     @property

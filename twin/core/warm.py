@@ -21,6 +21,7 @@ from isel_twin.base.compile_watch import log_compiling, told_of_compiling
 from isel_twin.base.units import MILLISECOND_NS
 from isel_twin.controller import Compiles, PluginError, controller_names, create_controller, offers
 from isel_twin.drives.library import MOTORS
+from isel_twin.drives.screw import Screw
 from isel_twin.drives.stability import limit_rad_s
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import load_machine, with_overrides
@@ -45,7 +46,7 @@ def warm_up(plant: str, tell: Callable[[str], None] = log_compiling, controllers
             machine.sample_every(MILLISECOND_NS)
         machine.advance(until_ns, *_up_to(until_ns, t_ns, delta))
         if plant == "mujoco":
-            limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2))
+            limit_rad_s(MOTORS["23HS32-4004S"], Stage(supply_v=48.0, current_a=4.2), Screw(), 0.0)
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
         machine.watch_margin()
         Felt(load_machine("4030"), np.zeros(0, TARGET), 0.0, 0.0).take(np.zeros(len(CARRIAGES)))  # without MuJoCo

@@ -120,12 +120,15 @@ def _stable(motor: Motor, stage: Stage) -> str:
     on = bench(motor, stage)
     limit = on.limit()
     load = f"under a load of {on.load_nm:.2g} Nm"
+    if limit.ends == "unsure":
+        return f"no limit of the swing is told {load}: where one begins to grow depends on sub-steps or its size"
     if not limit.swings:
-        return f"no swing grows up to {limit.speed_rpm:.0f} rev/min {load}"
+        where = ", where the torque ends" if limit.ends == "torque" else ""
+        return f"the supply feeds no swing up to {limit.speed_rpm:.0f} rev/min {load}{where}"
     rule = f"(rule of thumb {stability.rule_rpm(motor, stage):.0f})"
     return (
-        f"~ from {limit.speed_rpm:.0f} rev/min on a swing grows {load} {rule}; steps are lost from 1.03 to 1.26 of "
-        "that on, whatever the closed forms say"
+        f"~ from {limit.speed_rpm:.0f} rev/min on a swing grows {load} {rule}: a kick dies at 0.95 of that speed and "
+        "grows at 1.05, whatever the closed forms say"
     )
 
 

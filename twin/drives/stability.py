@@ -1,4 +1,4 @@
-"""Is steady rotation stable? The growth of a small swing of the rotor about it, and the speed from which on it grows.
+"""Is steady rotation stable? The growth of a swing of the rotor about it, and the speed from which on it grows.
 
 A motor that turns synchronously can have torque to spare and still swing itself out of step (mid-band instability):
 where the supply no longer drives the wanted current, the phase of the current follows the swing of the rotor in a way
@@ -9,23 +9,37 @@ electrical period, apart from a rotation of the currents by 90 degrees (drives/1
     x = (i_A, i_B, w, lambda)      currents, speed, load angle: state when the command is at 0
     F(x)                           the same a quarter period T4 later, currents turned back: (i_A, i_B) <- (i_B, -i_A)
     x* = F(x*)                     steady rotation (Newton, from the speed before upwards)
-    mu                             eigenvalue of dF/dx at x* of the largest magnitude
+    mu                             eigenvalue of the slope of F about x* of the largest magnitude
     growth = ln |mu| / T4          swing frequency = arg mu / (2 pi T4)
 
-With electronic damping its two states belong to x as well.
+With electronic damping its two states belong to x as well. The slope is that of the straight line through points up to
+6 degrees on both sides, as large as a swing that one sees:
 
-Range of validity. Small swings: just above growth 0 the swing is bounded by a few degrees, and a motor that is
-accelerated through a narrow band may never show it. The first loss of steps in the time domain lies at 1.03 to 1.26 of
-the speed of zero growth (twelve cases of motor, supply and load), so that speed is a bound from below and not far off.
-Left out are the errors of a stage (step accuracy, offset) and the detent torque, which shake the rotor in narrow bands
-at low speed without end to its reach. Iron loss above its knee feeds the swing a little, which is a property of the
-fitted law (motor.py): without a knee the limit of a NEMA 23 at 48 V lies at 894 instead of 793 rev/min. The growth rate
-needs short sub-steps; that of the machine, 25 us, gives too small a growth (4.5 instead of 14 a second at 850 rev/min),
-and the same onset.
+    F |              .-'     A stage that limits changes its voltage between two sub-steps, where a current passes
+      |         .-'|.-'      0 or the wanted one. So F goes in stairs, as wide as a sub-step. A derivative sees one
+      |    .-'|.-'           tread and never the risers, however short the sub-steps are; the line sees both.
+      |.-'|.-'
+      +-------------- x
+
+**The limit** is the speed above which a swing grows, and is told only if it is one (`Bench.limit`):
+
+- the supply feeds it: the swing grows by more than what the falling part of the law of the iron could feed, which was
+  fitted to torques and not to swings (motor.py). Without that, a motor of little inductance had its limit at the knee
+  of the law, where a swing takes a second to grow by a half;
+- at 0.95 of it a swing dies and at 1.05 it grows, with half and with twice as many sub-steps, too;
+- so does a kick of 6 degrees in the time domain;
+- it is below LAST_RPM, up to where the law was fitted to makers' curves.
+
+Range of validity. Just above growth 0 the swing is bounded by a few degrees, and a motor that is accelerated through a
+narrow band may never show it, so the limit bounds the loss of steps from below. Friction counts as what it is about a
+steady speed: viscous friction damps; Coulomb's is a load, as its describing function is 0 until the swing turns the
+shaft back. Left out is what only helps: the damper of the nut. Left out, too, are the errors of a stage and the detent
+torque, which shake the rotor in narrow bands at low speed, and friction that falls with speed (stick-slip below 60
+rev/min).
 
 A rule of thumb (`rule_rpm`): the stage cannot drive the wanted current against its inductance any more,
 
-    we = (4/pi) (V1 + V2)/2 / (L I)        within -8 to +15 % where R I is below 0.15 of the supply
+    we = (4/pi) (V1 + V2)/2 / (L I)
 """
 
 from __future__ import annotations
@@ -34,11 +48,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import contains, njit
+from isel_twin.drives.curves import pull_out_prediction
 from isel_twin.drives.dynamics import BOTH, FILES, axis_parameters, step_axis
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
@@ -46,10 +62,18 @@ from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 
 SUB_STEPS = 80  # least number in a quarter period
-LONGEST_S = 5e-6  # of a sub-step
-SPAN_RPM = 20.0  # from speed to speed upwards: steady rotation is found from the one before
+LONGEST_S = 25e-6  # of a sub-step
+SPAN = 1.04  # from speed to speed upwards: steady rotation is found from the one before
 FIRST_RPM = 60.0
-LAST_RPM = 6000.0
+LAST_RPM = 1500.0  # of the curves to which the law was fitted (docs/fidelity.md)
+NEARER, FARTHER = 0.95, 1.05  # of a limit: where a swing dies, and where it grows
+FED = 0.85  # least part of the speed from which on the supply feeds a swing that the limit may be
+SLIGHT_PER_S = 0.5  # growth that the line through so large a swing may see where there is none
+SWING = 0.1  # of currents and speed, and rad: as far as the slope reaches, and the kick
+POINTS = 4  # on each side
+KICK_S = 0.25
+SURE = 0.9  # by which a kick must have faded in KICK_S, or grown by its inverse
+NEAR = 1e-3  # of currents, speed and rad: the last step of Newton's method; ten times that where stairs hinder it
 PATIENCE = 600  # quarter periods
 STATES = 6  # currents, speed, load angle; smoothed command and low pass of the electronic damping
 AT_REST = axis_states(1)
@@ -60,7 +84,7 @@ class Rotation:
     """Steady rotation at a speed."""
 
     speed_rpm: float
-    growth_per_s: float  # of a small swing; below 0: it dies away
+    growth_per_s: float  # of a swing; below 0: it dies away
     swing_hz: float  # one beyond half the frequency of quarter periods is told as its mirror image below it
     load_angle_deg: float  # electrical, by which the rotor is behind the command
 
@@ -74,97 +98,116 @@ class Limit:
     """The speed up to which rotation is stable, and what ends it."""
 
     speed_rpm: float
-    swings: bool  # True: a swing grows; False: the torque does not suffice, or there is no limit up to LAST_RPM
+    ends: Literal["swing", "torque", "unsure", ""]
+    """unsure: a swing grows about there, but not so that a limit could be told; "": nothing does, up to there."""
+
+    @property
+    def swings(self) -> bool:
+        return self.ends == "swing"
 
 
-_Found = tuple[NDArray[np.float64] | None, Rotation | None]
+@dataclass(frozen=True)
+class _Steady:
+    rotation: Rotation
+    state: NDArray[np.float64]  # x*
+    map_: _Map
 
 
 class Bench:
-    """A motor on a stage with an inertia and a constant torque on its shaft."""
+    """A motor on a stage with a shaft and a constant torque on it."""
 
-    def __init__(self, motor: Motor, stage: Stage, load_nm: float = 0.0, load_kgm2: float | None = None) -> None:
-        """load_nm: against the rotation; load_kgm2: on the shaft beside the rotor, None: as much as the rotor has."""
+    def __init__(self, motor: Motor, stage: Stage, load_nm: float = 0.0, shaft: Screw | None = None) -> None:
+        """load_nm: against the rotation; shaft: turns with the rotor, without its nut; None: as much inertia as the
+        rotor has."""
         if not 0.0 <= load_nm < math.inf:
             raise ValueError(f"load_nm must be 0 or more, not {load_nm!r}")
         self.motor = replace(motor, detent_torque_nm=0.0)
         self.stage = replace(stage, step_error=0.0, current_offset=0.0)
         self.load_nm = load_nm
-        self._screw = Screw(inertia_kgm2=motor.rotor_inertia_kgm2 if load_kgm2 is None else load_kgm2)
-        self._used = STATES if self.stage.damping_gain and not self.stage.stepped else STATES - 2
+        self.shaft = replace(shaft or Screw(inertia_kgm2=motor.rotor_inertia_kgm2), breakaway_ratio=1.0)
+        self._friction_nm = load_nm + self.shaft.coulomb_nm
 
     def rotations(self, speeds_rpm: Sequence[float]) -> Iterator[Rotation | None]:
         """Steady rotation at rising speeds; None where there is none any more."""
-        state, below = None, FIRST_RPM
+        near, below = None, FIRST_RPM
         for speed_rpm in speeds_rpm:
-            between = np.arange(below, speed_rpm, SPAN_RPM)  # each is found from the one before
-            for each in (*between, speed_rpm):
-                state, found = self._rotation(float(each), state)
-                if found is None:
-                    break
+            between = (below * SPAN**k for k in range(math.ceil(math.log(speed_rpm / below) / math.log(SPAN))))
+            for each in (*between, speed_rpm):  # each is found from the one before
+                near = self._steady(each, near)
+                if near is None:
+                    yield from (None for later in speeds_rpm if later >= speed_rpm)
+                    return
             below = speed_rpm
-            yield found
-            if found is None:
-                yield from (None for later in speeds_rpm if later > speed_rpm)
-                return
+            assert near is not None
+            yield near.rotation
 
-    def limit(self, last_rpm: float = LAST_RPM) -> Limit:
-        """The speed at which the growth passes 0 for the first time upwards, to 1 rev/min."""
-        state: NDArray[np.float64] | None = None
-        below = 0.0
-        for speed_rpm in np.arange(FIRST_RPM, last_rpm + SPAN_RPM, SPAN_RPM):
-            there, found = self._rotation(float(speed_rpm), state)
-            if found is None and not below:
-                return Limit(0.0, swings=False)
-            if found is None or not found.stable:
-                return self._between(below, float(speed_rpm), state, swings=found is not None)
-            state, below = there, float(speed_rpm)
-        return Limit(last_rpm, swings=False)
+    def limit(self) -> Limit:
+        """The speed above which a swing grows that the supply feeds, to 1 rev/min, if it is one on both sides."""
+        found: list[_Steady] = []
+        for k in range(math.ceil(math.log(LAST_RPM / FIRST_RPM) / math.log(SPAN))):
+            speed_rpm = FIRST_RPM * SPAN**k
+            there = self._steady(speed_rpm, found[-1] if found else None)
+            if there is None and pull_out_prediction(self.motor, self.stage, speed_rpm) < self._friction_nm:
+                return Limit(found[-1].rotation.speed_rpm if found else 0.0, "torque")
+            if there is None or there.rotation.growth_per_s > self._iron_feeds_per_s(speed_rpm) + SLIGHT_PER_S:
+                return self._onset(found, speed_rpm)
+            found.append(there)
+        return Limit(LAST_RPM, "")
 
-    def _between(self, low_rpm: float, high_rpm: float, state: NDArray[np.float64] | None, swings: bool) -> Limit:
-        while high_rpm - low_rpm > 1.0:
-            middle = 0.5 * (low_rpm + high_rpm)
-            there, found = self._rotation(middle, state)
-            if found is not None and found.stable:
-                low_rpm, state = middle, there
+    def _iron_feeds_per_s(self, speed_rpm: float) -> float:
+        """Growth of a swing by the slope of the iron loss, where that falls with speed."""
+        ratio = speed_rpm * math.pi / 30.0 / self.motor.iron_knee_rad_s
+        slope = self.motor.iron_drag_nm_s_per_rad * (1.0 - ratio**2) / (1.0 + ratio**2) ** 2
+        return max(0.0, -slope / (2.0 * (self.motor.rotor_inertia_kgm2 + self.shaft.inertia_kgm2)))
+
+    def _onset(self, found: Sequence[_Steady], fed_rpm: float) -> Limit:
+        """The limit below the speed at which the supply feeds a swing, from what was found below that."""
+        speeds = [*(each.rotation.speed_rpm for each in found), fed_rpm]
+        last = next((k for k in reversed(range(len(found))) if found[k].rotation.stable), None)
+        if last is None or speeds[last] < FED * fed_rpm:
+            return Limit(fed_rpm, "unsure")
+        low, high_rpm = found[last], speeds[last + 1]
+        while high_rpm - low.rotation.speed_rpm > 1.0:
+            middle_rpm = 0.5 * (low.rotation.speed_rpm + high_rpm)
+            there = self._steady(middle_rpm, low)
+            if there is not None and there.rotation.stable:
+                low = there
             else:
-                high_rpm, swings = middle, found is not None
-        return Limit(low_rpm, swings)
+                high_rpm = middle_rpm
+        confirmed = self._moves(low, NEARER) == {False} and self._moves(low, FARTHER) == {True}
+        return Limit(low.rotation.speed_rpm, "swing" if confirmed else "unsure")
 
-    def _rotation(self, speed_rpm: float, near: NDArray[np.float64] | None) -> _Found:
-        """The state x* at a speed and what it does, from a state nearby; None where there is none.
+    def _moves(self, near: _Steady, factor: float) -> set[bool | None]:
+        """Every answer to whether a swing grows at a speed near that of a limit; None: not to be told. More than one
+        means that it depends on the sub-steps, or that a kick contradicts."""
+        answers: set[bool | None] = set()
+        for finer in (0.5, 1.0, 2.0):
+            there = self._steady(factor * near.rotation.speed_rpm, near, finer)
+            answers.add(there is None or not there.rotation.stable)
+        if there is not None:
+            answers.add(there.map_.kicked(there.state))
+        return answers
 
-        F jumps where a current passes 0 just as a sub-step begins, and one number of sub-steps in six leads to x* just
-        there, which looks like growth. So only what grows with each of five numbers grows. (Seldom it looks like less
-        growth: a quarter of it on a source of voltage at 600 rev/min without load.)"""
-        quarter_s = 0.5 * math.pi / (self.motor.pole_pairs * speed_rpm * math.pi / 30.0)
-        count = max(SUB_STEPS, math.ceil(quarter_s / LONGEST_S))
-        best: _Found = (None, None)
-        for more in (0, 7, 13, 22, 31):
-            state, found = self._one(speed_rpm, near, quarter_s, count + more)
-            if found is not None and (best[1] is None or found.growth_per_s < best[1].growth_per_s):
-                best = state, found
-            if best[1] is not None and best[1].stable:
-                break
-        return best
-
-    def _one(self, speed_rpm: float, near: NDArray[np.float64] | None, quarter_s: float, count: int) -> _Found:
+    def _steady(self, speed_rpm: float, near: _Steady | None, finer: float = 1.0) -> _Steady | None:
+        """Steady rotation at a speed, from one nearby; None where there is none. finer: sub-steps."""
         omega = speed_rpm * math.pi / 30.0
-        parameters = axis_parameters(self.motor, self.stage, self._screw, quarter_s / count)
-        map_ = _Map(parameters, self.stage, self.load_nm, omega, count, self._used)
-        state = self._guess(omega) if near is None else near.copy()
+        quarter_s = 0.5 * math.pi / (self.motor.pole_pairs * omega)
+        count = round(finer * max(SUB_STEPS, math.ceil(quarter_s / LONGEST_S)))
+        map_ = _Map(self, omega, quarter_s, count)
+        state = self._guess(omega) if near is None else near.state.copy()
         state[2] = omega
-        if not map_.settle(state) or abs(state[3]) > math.pi:
-            return None, None
-        values = np.linalg.eigvals(map_.slope(state))
+        slope = map_.settle(state)
+        if slope is None:
+            return None
+        values = np.linalg.eigvals(slope)
         largest = values[np.abs(values).argmax()]
         growth = math.log(max(abs(largest), 1e-300)) / quarter_s
         swing_hz = float(abs(np.angle(largest))) / (2.0 * math.pi * quarter_s)
-        return state, Rotation(speed_rpm, growth, swing_hz, math.degrees(state[3]))
+        return _Steady(Rotation(speed_rpm, growth, swing_hz, math.degrees(state[3])), state, map_)
 
     def _guess(self, omega: float) -> NDArray[np.float64]:
         """Currents that follow their wave, and the load angle that goes with the load."""
-        torque = self.load_nm + self.motor.iron_torque_nm(omega)
+        torque = self._friction_nm + self.motor.iron_torque_nm(omega)
         peak = self.motor.torque_constant_nm_per_a * self.stage.current_a
         state = np.zeros(STATES)
         state[0], state[2] = self.stage.current_a, omega
@@ -175,63 +218,69 @@ class Bench:
 class _Map:
     """F: from the state at a quarter period's beginning to that at its end."""
 
-    def __init__(
-        self, parameters: NDArray[np.void], stage: Stage, load_nm: float, omega: float, count: int, used: int
-    ) -> None:
-        self.parameters, self.used, self._states = parameters, used, AT_REST.copy()
+    def __init__(self, bench: Bench, omega: float, quarter_s: float, count: int) -> None:
+        stage = bench.stage
+        self.parameters = axis_parameters(bench.motor, stage, bench.shaft, quarter_s / count, 0.0)
+        self.used = STATES if stage.damping_gain and not stage.stepped else STATES - 2
+        self.quarter_s, self.load_nm, self._states = quarter_s, bench.load_nm, AT_REST.copy()
         counter = np.arange(count + 1) * (stage.microsteps / count)
         self.command = 0.5 * (counter[1:] + counter[:-1])
-        self.load_nm = load_nm
-        self.scale = np.array([stage.current_a, stage.current_a, omega, 1.0, 1.0, 1.0])[:used]
+        self.scale = np.array([stage.current_a, stage.current_a, omega, 1.0, 1.0, 1.0])[: self.used]
 
     def __call__(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.empty(STATES)
         quarter(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, out)
         return out[: self.used]
 
-    def settle(self, state: NDArray[np.float64]) -> bool:
-        """Bring a state to x*; True if that succeeds. Where the stage begins to limit, Newton's method may go astray:
-        then the motor turns by itself for a while first, which leads there if it is stable."""
+    def settle(self, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Bring a state to x*, and return the slope of F about it; None if that fails. Where the stage begins to limit,
+        Newton's method may go astray: then the motor turns by itself for a while first, which leads there if it is
+        stable."""
         began = state.copy()
-        if self._newton(state):
-            return True
+        slope = self._newton(state)
+        if slope is not None:
+            return slope
         state[:] = began
-        for _ in range(PATIENCE):
-            state[: self.used] = self(state)
-            if not abs(state[3]) < math.pi:  # out of step
-                return False
-        return self._newton(state)
+        return None if self._turned(state, PATIENCE) is None else self._newton(state)
 
-    def _newton(self, state: NDArray[np.float64]) -> bool:
-        off = self._off(state)
-        for _ in range(40):
-            if np.abs(off).max() < 1e-8:
-                return True
-            change = np.linalg.solve(np.eye(self.used) - self.slope(state), self(state) - state[: self.used])
-            if not np.isfinite(change).all() or abs(state[3]) > math.pi:
-                return False
-            share = 1.0 / max(1.0, float(np.abs(change / self.scale).max()) / 0.5)
-            for _ in range(8):
-                tried = state.copy()
-                tried[: self.used] += share * change
-                there = self._off(tried)
-                if np.linalg.norm(there) < np.linalg.norm(off):
-                    break
-                share *= 0.5
-            state[:], off = tried, there
-        return bool(np.abs(off).max() < 1e-5)
+    def _newton(self, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        for step in range(20):
+            off = self(state) - state[: self.used]
+            change = np.linalg.solve(np.eye(self.used) - self.slope(state, 1), off)
+            far = float(np.abs(change / self.scale).max())
+            if not far < math.inf or abs(state[3]) > math.pi:
+                return None
+            state[: self.used] += change / max(1.0, far / 0.5)
+            if far < NEAR * (1.0 if step < 10 else 10.0):
+                return self.slope(state, POINTS)
+        return None
 
-    def _off(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        off: NDArray[np.float64] = (self(state) - state[: self.used]) / self.scale
-        return off
-
-    def slope(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """dF/dx by central differences."""
-        columns = np.empty((self.used, self.used))
-        away = 1e-5 * self.scale
+    def slope(self, state: NDArray[np.float64], points: int) -> NDArray[np.float64]:
+        """That of the straight line through so many points on both sides of each number of the state."""
+        columns = np.zeros((self.used, self.used))
         scratch = np.empty((3, STATES))
-        differences(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, columns, scratch)
+        away = SWING / points * self.scale
+        away[:2] *= min(1.0, 3.0 * math.hypot(state[0], state[1]) / self.scale[0])  # if no more can flow
+        slopes(
+            self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, points, columns, scratch
+        )
         return columns.T
+
+    def kicked(self, state: NDArray[np.float64]) -> bool | None:
+        """True if the swing grows that a kick out of x* makes, False if it dies, None if it does neither clearly."""
+        state = state.copy()
+        state[3] += SWING
+        lags = self._turned(state, 4 * math.ceil(0.25 * KICK_S / self.quarter_s))
+        if lags is None:
+            return True
+        first, *_, last = lags.reshape(4, -1).std(axis=1)
+        return None if SURE < last / first < 1.0 / SURE else bool(last > first)
+
+    def _turned(self, state: NDArray[np.float64], quarters: int) -> NDArray[np.float64] | None:
+        """Load angles after each of so many quarter periods, and the state then; None if the motor drops out."""
+        lags = np.empty(quarters)
+        kept = turned(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, np.empty(STATES), lags)
+        return lags if kept else None
 
 
 @njit(nogil=True)
@@ -254,33 +303,53 @@ def quarter(parameters, at_rest, states, command, load_nm, x, out):
     out[5] = s.lag_rad
 
 
+@njit(nogil=True)
+def turned(parameters, at_rest, states, command, load_nm, x, out, lags):
+    """Advance x [6] by quarter periods, whose load angles go to lags [n]. False once half a turn of it is passed."""
+    for k in range(len(lags)):
+        quarter(parameters, at_rest, states, command, load_nm, x, out)
+        for i in range(len(x)):
+            x[i] = out[i]
+        lags[k] = x[3]
+        if not abs(x[3]) < np.pi:
+            return False
+    return True
+
+
 @njit(nogil=True, error_model="numpy")
-def differences(parameters, at_rest, states, command, load_nm, x, away, columns, scratch):
-    """What `quarter` makes of x [6] with each of its numbers away [n] further up, less what it makes of it as far
-    down, over the way between: to columns [n, n], one for each number that is moved. scratch [3, 6]."""
+def slopes(parameters, at_rest, states, command, load_nm, x, away, points, columns, scratch):
+    """Slope of what `quarter` makes of x [6] over each of its numbers, by the straight line through so many points on
+    both sides, away [n] apart: to columns [n, n], one for each number that is moved. scratch [3, 6]."""
     tried, up, down = scratch[0], scratch[1], scratch[2]
+    squares = points * (points + 1) * (2 * points + 1) / 3.0
     for k in range(x.shape[0]):
         tried[k] = x[k]
     for k in range(columns.shape[0]):
-        tried[k] = x[k] + away[k]
-        quarter(parameters, at_rest, states, command, load_nm, tried, up)
-        tried[k] = x[k] - away[k]
-        quarter(parameters, at_rest, states, command, load_nm, tried, down)
+        for far in range(1, points + 1):
+            tried[k] = x[k] + far * away[k]
+            quarter(parameters, at_rest, states, command, load_nm, tried, up)
+            tried[k] = x[k] - far * away[k]
+            quarter(parameters, at_rest, states, command, load_nm, tried, down)
+            for i in range(columns.shape[1]):
+                columns[k, i] += far * (up[i] - down[i]) / (squares * away[k])
         tried[k] = x[k]
-        for i in range(columns.shape[1]):
-            columns[k, i] = (up[i] - down[i]) / (2.0 * away[k])
 
 
 contains(__name__, *FILES)
 
 
-LOAD_SHARE = 0.1  # load over the torque at standstill; the limit changes little with it
+LOAD_SHARE = 0.1  # load over the torque at standstill, of a motor without an axis; the limit changes little with it
+
+
+def limit_rad_s(motor: Motor, stage: Stage, screw: Screw, guide_friction_n: float) -> float:
+    """The limit of an axis; inf if there is none, or none that could be told."""
+    shaft = Screw(screw.inertia_kgm2, screw.coulomb_nm, viscous_nm_s_per_rad=screw.viscous_nm_s_per_rad)
+    return _limit_rad_s(motor, stage, guide_friction_n * screw.travel_m_per_rad / screw.efficiency, shaft)
 
 
 @lru_cache(64)
-def limit_rad_s(motor: Motor, stage: Stage) -> float:
-    """The limit under LOAD_SHARE of the torque; inf if no swing grows below LAST_RPM."""
-    limit = Bench(motor, stage, LOAD_SHARE * motor.torque_constant_nm_per_a * stage.current_a).limit()
+def _limit_rad_s(motor: Motor, stage: Stage, load_nm: float, shaft: Screw) -> float:
+    limit = Bench(motor, stage, load_nm, shaft).limit()
     return limit.speed_rpm * math.pi / 30.0 if limit.swings else math.inf
 
 

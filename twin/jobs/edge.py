@@ -19,12 +19,15 @@ search, and the edge is told as none up to the farthest factor at which every se
 So does a speed beyond which no move becomes any faster, as the controller has a highest one.
 
 What is known without that is the speed from which on a motor swings (`Result.edge`): it lies below the edge of speed,
-steps are lost from 1.03 to 1.26 of it on. `python -m tests.edges` holds edges against fresh seeds (docs/fidelity.md).
+and there is none where it could not be confirmed. `python -m tests.edges` holds edges against fresh seeds
+(docs/fidelity.md).
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -35,6 +38,7 @@ from isel_twin.base.crew import Crew, Stop, here, in_order
 from isel_twin.base.errors import CallError
 from isel_twin.base.quiet import quietly
 from isel_twin.controller import offers
+from isel_twin.core.seen import SLOW_RAD_S
 from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.jobs.playing import TIMEOUT_S, out_of_step, played
@@ -104,19 +108,35 @@ def edges(
 ) -> Iterator[Edge]:
     """The edges of a job, whose verdict is well, for the axes that have moved; in a fixed order, with any crew. Those
     of what the controller's language cannot change are left out, and of servo axes all but that of speed."""
-    moved = [name for name, edge in zip(AXIS_NAMES, verdict.edge, strict=False) if edge and name in CARRIAGES]
+    call = call.with_(flash=flash)
+    moved = _moved(call, lines, verdict, timeout_s)
     searches = [_Search(quantity, (axis,)) for axis in moved for quantity in ("supply", "inductance", "load")]
     if offers(create_language(call.controller), RetimesJobs):
         every = [axis.name for axis in call.fitted().axes if axis.name in moved or axis.closed_loop]
         searches.insert(0, _Search("speed", tuple(every)))
     if not searches:
         return
-    call = call.with_(flash=flash)
     with crew or here() as workers:
         others = alike(call, lines, range(call.seed + 1, call.seed + ASKED), SEEDS - 1, timeout_s, workers, stop)
         find = functools.partial(_found, call, lines, timeout_s, (call.seed, *others))
         for found in in_order(find, searches, workers, stop):
             yield from found
+
+
+def _moved(call: TwinSpec, lines: Sequence[Line], verdict: Verdict, timeout_s: float) -> list[str]:
+    """Carriages whose stepper motors have turned. Those without a limit of the swing have no edge that says so: if
+    there are any, the job is made again."""
+    turned = {name for name, edge in zip(AXIS_NAMES, verdict.edge, strict=False) if edge}
+    axes = [axis for axis in call.fitted().axes if not axis.closed_loop]
+    if verdict.physics and any(axis.name not in turned and math.isinf(axis.swing_limit_rad_s) for axis in axes):
+        twin = call.build()
+
+        def take(_: Result) -> None:
+            turned.update(itertools.compress(AXIS_NAMES, twin.fastest_rad_s >= SLOW_RAD_S))
+
+        with quietly():
+            played(twin, lines, [take], timeout_s, edges=False)
+    return [axis.name for axis in axes if axis.name in turned and axis.name in CARRIAGES]
 
 
 def alike(

@@ -301,6 +301,6 @@ def _repetition(
     except ValueError:
         return None
     with quietly():
-        made = played(twin, lines, timeout_s=timeout_s)
+        made = played(twin, lines, timeout_s=timeout_s, edges=source == "known")  # of the others nobody asks
     places = tuple(result.position_mm for result in made.results) if source == "known" else ()
     return Repetition(number, seed, factors, made.verdict, places)

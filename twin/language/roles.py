@@ -108,6 +108,8 @@ class TakesSetPoints(Protocol):
     """A language in which another control sends set points row by row (`isel-twin fmu --interface steps`)."""
 
     unwatched: Mapping[str, Any]  # overrides of a twin whose control may be silent as long as it likes
+    shortest_ns: int  # of a row
+    longest_ns: int
 
     def begin_rows(self) -> Sequence[bytes]:
         """Switch power and stages on; rows that follow are led evenly."""

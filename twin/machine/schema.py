@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,7 +25,7 @@ from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.spindle import Spindle
-from isel_twin.drives.stage import AnyStage
+from isel_twin.drives.stage import AnyStage, Stage
 from isel_twin.drives.supply import Supply
 from isel_twin.machine.fixture import Fixture
 
@@ -93,6 +94,15 @@ class Axis:
     def closed_loop(self) -> bool:
         """True for a servo drive: it loses no steps, but lags, and switches itself off if it lags too far."""
         return isinstance(self.stage, ServoDrive)
+
+    @property
+    def swing_limit_rad_s(self) -> float:
+        """Speed of the motor above which a swing of its rotor grows; inf: none is told, or it is a servo drive."""
+        if not isinstance(self.motor, Motor) or not isinstance(self.stage, Stage):
+            return math.inf
+        from isel_twin.drives.stability import limit_rad_s  # compiled code, loaded where it is asked for
+
+        return limit_rad_s(self.motor, self.stage, self.screw, self.guide_friction_n)
 
     @property
     def turning_nm(self) -> float:

@@ -1,5 +1,8 @@
 """A value change dump for waveform viewers (GTKWave, Surfer, sigrok): IEEE 1364, timescale 1 ns.
 
+Numbers are reals, and codes have no sign that begins a value: libsigrok 0.5.2 ends reading at a vector, and takes the
+code of a text for a value if it looks like one.
+
     scope step       step_x, dir_x ...        what the controller sends to the power stages; dir 1: minus
     scope step       full_x ...               1: a pulse is two steps of the counter; only if there are such pulses
     scope step       command_x ...            sum of the changes so far; only if there are set points
@@ -30,6 +33,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import os
 from bisect import bisect_left
 from collections.abc import Iterator
@@ -39,7 +43,6 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vcd import VCDWriter
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
 from isel_twin.base.compiling import njit
@@ -58,22 +61,44 @@ PINS = {
 CLOCK = "clock_signals"
 CHUNK = 1 << 16  # ticks expanded at a time
 _TIME_BYTES = 21  # of a line with a time, at most
+_SIZES = {"wire": 1, "string": 1, "real": 64}
+_SIGNS = "!%&()*+,./:;<=>?@[]^_{|}~"  # of codes: no letter, digit, # or $
 _Entry = tuple[int, str, int | float | str]  # (time in ns, name of the signal, new value)
 _Edges = tuple[NDArray[np.int64], NDArray[np.int64]]  # times in ns, rising, and what changes, as in `_edge_names`
 
 
+class _Signal:
+    """A signal of a dump: how its values are written, and the last one."""
+
+    def __init__(self, number: int, kind: str, value: float | str) -> None:
+        self.kind = kind
+        self.value = value
+        self.code = ""
+        while number >= 0:
+            number, sign = divmod(number, len(_SIGNS))
+            self.code += _SIGNS[sign]
+            number -= 1
+
+    def line(self, value: float | str) -> str:
+        if self.kind == "wire":
+            return f"{value}{self.code}"
+        if self.kind == "real":
+            return f"r{value:.16g} {self.code}"
+        return f"s{str(value).translate(_ESCAPES)} {self.code}"
+
+
+_ESCAPES = {ord(sign): f"\\x{ord(sign):02x}" for sign in "\t\n\r "} | {ord("\\"): "\\\\"}
+
+
 def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> None:
     """Write stream, samples and changes. Raises OSError."""
-    with (
-        replacing(path) as raw,
-        TextIOWrapper(raw, encoding="ascii", errors="replace") as file,
-        VCDWriter(file, timescale="1 ns", date="", comment="isel-twin") as writer,
-    ):
-        signals: dict[str, Any] = {}
+    with replacing(path) as raw, TextIOWrapper(raw, encoding="ascii", errors="replace") as file:
+        signals: dict[str, _Signal] = {}
+        scopes: dict[str, list[str]] = {}
 
-        def add(scope: str, name: str, kind: str, init: Any, key: str = "") -> None:
-            size = {"wire": 1, "integer": 64}.get(kind)
-            signals[key or name] = writer.register_var(scope, name, kind, size=size, init=init)
+        def add(scope: str, name: str, kind: str, value: float | str, key: str = "") -> None:
+            signal = signals[key or name] = _Signal(len(signals), kind, value)
+            scopes.setdefault(scope, []).append(f"$var {kind} {_SIZES[kind]} {signal.code} {name} $end\n")
 
         led = any(motion.lead_ns for motion in steps.motions)
         stepped = not led or any(not motion.lead_ns for motion in steps.motions)
@@ -82,9 +107,9 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
             for name in (*(("full",) if doubled else ()), *(("step", "dir") if stepped else ())):
                 add("step", f"{name}_{axis}", "wire", 0)
             if led:
-                add("step", f"command_{axis}", "integer", 0)
+                add("step", f"command_{axis}", "real", 0)
         for axis in AXIS_NAMES[: recorder.axes]:
-            add("machine", f"count_{axis}", "integer", 0)
+            add("machine", f"count_{axis}", "real", 0)
             add("machine", f"lost_{axis}_steps", "real", 0.0)
         for axis in CARRIAGES:
             add("machine", f"position_{axis}_mm", "real", 0.0)
@@ -96,7 +121,8 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
                 add(group, key, "string", "", f"{group}.{name}")
                 add(group, f"{key}_changed", "wire", "x", f"changed.{name}")
             else:
-                add(group, key, "integer" if (group, name) in wide else "wire", "x", f"{group}.{name}")
+                kind, value = ("real", math.nan) if (group, name) in wide else ("wire", "x")
+                add(group, key, kind, value, f"{group}.{name}")
         if ("output", CLOCK) in recorder.names():
             for pin in PINS.values():
                 add("connector", pin, "wire", 0)
@@ -105,28 +131,29 @@ def write_vcd(path: str | os.PathLike[str], steps: Steps, recorder: Samples) -> 
             streams.append(_commands(steps))
         if ("output", CLOCK) in recorder.names():
             streams.append(_connector(_pulses(steps, doubled), steps.axes, recorder.changes))
-        _write(file, writer, signals, _pulses(steps, doubled), steps.axes, heapq.merge(*streams, key=itemgetter(0)))
+        file.write("$comment isel-twin $end\n$timescale 1 ns $end\n")
+        for scope, declared in sorted(scopes.items()):
+            file.writelines([f"$scope module {scope} $end\n", *declared, "$upscope $end\n"])
+        _write(file, signals, _pulses(steps, doubled), steps.axes, heapq.merge(*streams, key=itemgetter(0)))
 
 
 def _write(
     file: IO[str],
-    writer: VCDWriter,
-    signals: dict[str, Any],
+    signals: dict[str, _Signal],
     pulses: Iterator[_Edges],
     axes: int,
     others: Iterator[_Entry],
 ) -> None:
-    """Write edges, of which there are millions, block by block, and all else between them.
-
-    The library writes the head and formats values; its check of each change would take most of the time.
-    """
+    """Write edges, of which there are millions, block by block, and all else between them."""
     entry = next(others, None)
     while entry is not None and entry[0] <= 0:  # the values at power-on stand in the head
-        writer.change(signals[entry[1]], entry[0], entry[2])
+        signals[entry[1]].value = entry[2]
         entry = next(others, None)
-    writer.flush()
+    file.write("$enddefinitions $end\n#0\n$dumpvars\n")
+    file.writelines(f"{signal.line(signal.value)}\n" for signal in signals.values())
+    file.write("$end\n")
     kinds = [signals.get(name) for name in _edge_names(axes)]
-    lines = [kind.format_value(value) if kind else "" for kind in kinds for value in (0, 1)]
+    lines = [kind.line(value) if kind else "" for kind in kinds for value in (0, 1)]
     written_ns = 0
     nothing = np.empty(0, dtype=np.int64)
     for edge_ns, codes in itertools.chain(pulses, [(nothing, nothing)]):
@@ -139,7 +166,7 @@ def _write(
             if value != signal.value:
                 signal.value = value
                 times.append(time_ns)
-                texts.append(signal.format_value(value))
+                texts.append(signal.line(value))
             entry = next(others, None)
         all_ns = np.concatenate([edge_ns, np.array(times, dtype=np.int64)])
         order = np.argsort(all_ns, kind="stable")

@@ -1,4 +1,4 @@
-"""A recording for viewers (Foxglove, Lichtblick, PlotJuggler): the machine in 3D, numbers by axis, events.
+"""A recording for viewers (Foxglove, Rerun, PlotJuggler): the machine in 3D, numbers by axis, events.
 
     /scene      foxglove.SceneUpdate        meshes of each body in its own frame, the path of the tool; once
     /tf         foxglove.FrameTransforms    where the bodies are, every TF_NS while something moves
@@ -6,9 +6,10 @@
     /levels /inputs /outputs                all of them, at each change; a point in a name is a low line here
     /log        foxglove.Log                messages of the line with what they mean, events, remarks, collisions
 
-All of it is JSON with its schema. Viewers know the messages of Foxglove by their names; the schemas here have the
-fields that are used, of https://github.com/foxglove/foxglove-sdk (schemas/jsonschema). Times are those of the wall
-clock where the session had one (`began`), else seconds of virtual time after 1970.
+All of it is JSON with its schema, but Foxglove's messages are Protocol Buffers where their definitions are installed
+(protobuf.py), as some viewers show no others. They know these messages by their names; the schemas here have the fields
+that are used, of https://github.com/foxglove/foxglove-sdk (schemas/jsonschema). Times are those of the wall clock where
+the session had one (`began`), else seconds of virtual time after 1970.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from __future__ import annotations
 import heapq
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -32,6 +33,7 @@ from isel_twin.plant.scene import Poses, body_meshes
 from isel_twin.recordings.container import Container
 from isel_twin.recordings.mcap import METADATA
 from isel_twin.recordings.places import Places, places
+from isel_twin.recordings.protobuf import definition, has_schemas
 from isel_twin.recordings.reading import Recorded
 from isel_twin.recordings.recording import GROUPS
 from isel_twin.version import VERSION
@@ -96,15 +98,23 @@ def write_viewer(path: Path, recorded: Recorded) -> None:
 
 
 def _write(container: Container, streams: list[Iterator[Message]], epoch_ns: int) -> None:
-    numbers: dict[str, int] = {}
+    channels: dict[str, tuple[int, Callable[[Mapping[str, Any]], bytes]]] = {}
     for time_ns, topic, name, content in heapq.merge(*streams, key=lambda message: message[0]):
-        if topic not in numbers:
-            schema = SCHEMAS.get(name, _table())
-            text = json.dumps({"title": name, **schema}).encode()
-            numbers[topic] = container.channel(topic, "json", (name, "jsonschema", text))
-        container.message(numbers[topic], epoch_ns + time_ns, _JSON.encode(content).encode())
+        if topic not in channels:
+            channels[topic] = _channel(container, topic, name)
+        number, to_bytes = channels[topic]
+        container.message(number, epoch_ns + time_ns, to_bytes(content))
         if container.waiting >= CHUNK_BYTES:
             container.flush()
+
+
+def _channel(container: Container, topic: str, name: str) -> tuple[int, Callable[[Mapping[str, Any]], bytes]]:
+    """A new channel for messages of this schema, and their encoder."""
+    if name in SCHEMAS and has_schemas():
+        described, to_bytes = definition(name.removeprefix("foxglove."))
+        return container.channel(topic, "protobuf", (name, "protobuf", described)), to_bytes
+    text = json.dumps({"title": name, **SCHEMAS.get(name, _table())}).encode()
+    return container.channel(topic, "json", (name, "jsonschema", text)), lambda content: _JSON.encode(content).encode()
 
 
 def began_ns(metadata: Mapping[str, str]) -> int:

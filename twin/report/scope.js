@@ -322,24 +322,23 @@ function hits_of(signal, edge, value) {
   return found;
 }
 
-// A value change dump of signals from a to b (IEEE 1364), in the scopes and names of recordings/vcd.py, so that
-// isel-twin drive takes it; null if it would be too long.
+// A value change dump of signals from a to b (IEEE 1364), in the scopes, names and codes of recordings/vcd.py, so that
+// isel-twin drive and sigrok take it; null if it would be too long.
 function vcd(signals, a, b) {
-  const scopes = {}, entries = [], begin = [], id = (number) => { let text = ""; do { text += String.fromCharCode(33 + number % 94); number = Math.floor(number / 94); } while (number); return text; };
+  const scopes = {}, entries = [], begin = [], signs = "!%&()*+,./:;<=>?@[]^_{|}~", id = (number) => { let text = ""; do { text += signs[number % signs.length]; number = Math.floor(number / signs.length) - 1; } while (number >= 0); return text; };
   const add = (scope, name, kind, first, changes) => {
     const code = id(begin.length);
-    (scopes[scope] = scopes[scope] || []).push(`$var ${kind} ${kind === "real" || kind === "integer" ? 64 : 1} ${code} ${name.replaceAll(/[^\w]+/g, "_")} $end`);
+    (scopes[scope] = scopes[scope] || []).push(`$var ${kind} ${kind === "real" ? 64 : 1} ${code} ${name.replaceAll(/[^\w]+/g, "_")} $end`);
     begin.push(first === null ? "" : first(code));
     for (const [t, text] of changes) entries.push([Math.round(t * 1e9), text(code)]);
   };
-  const whole = (value) => (code) => `b${BigInt.asUintN(64, BigInt(value)).toString(2)} ${code}`; // two's complement
   for (const signal of signals) {
     if (signal.led && signal.kind === "bits") continue; // the command tells its direction
     const from = last_before(signal.times, a) + 1, to = last_before(signal.times, b);
     if (entries.length + 2 * (to - from) > MOST_VCD) return null;
     const bit = (value) => (code) => `${value ? 1 : 0}${code}`, real = (value) => (code) => `r${value} ${code}`, word = (value) => (code) => `s${String(value).replaceAll(" ", "_") || "_"} ${code}`;
     const span = Array.from({ length: Math.max(0, to - from + 1) }, (_, i) => from + i);
-    if (signal.led) add("step", `command ${signal.axis}`, "integer", whole(signal.sums[from]), span.map((i) => [signal.times[i], whole(signal.sums[i + 1])]));
+    if (signal.led) add("step", `command ${signal.axis}`, "real", real(signal.sums[from]), span.map((i) => [signal.times[i], real(signal.sums[i + 1])]));
     else if (signal.kind === "steps") add("step", signal.name, "wire", bit(0), span.flatMap((i) => [[signal.times[i], bit(1)], [signal.times[i] + Math.min(PULSE_S, i + 1 < signal.times.length ? (signal.times[i + 1] - signal.times[i]) / 2 : PULSE_S), bit(0)]]));
     else if (signal.kind === "curves") signal.curves.forEach((values, k) => { if (!values.every(Number.isNaN)) add("machine", `${signal.name} ${signal.axes[k]} ${signal.unit}`.trim(), "real", from && !Number.isNaN(values[from - 1]) ? real(values[from - 1]) : null, span.filter((i) => !Number.isNaN(values[i])).map((i) => [signal.times[i], real(values[i])])); });
     else { const value = signal.kind === "bits" ? bit : word, [group, ...rest] = signal.name.split(" "); add(group === "dir" ? "step" : group, group === "dir" ? signal.name : rest.join(" "), signal.kind === "bits" ? "wire" : "string", from ? value(signal.values[from - 1]) : null, span.map((i) => [signal.times[i], value(signal.values[i])])); }

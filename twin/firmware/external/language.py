@@ -10,7 +10,15 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from isel_twin.firmware.external.protocol import END, FASTEST_HZ, LINE_BYTES, LineError, parse
+from isel_twin.firmware.external.protocol import (
+    END,
+    FASTEST_HZ,
+    LINE_BYTES,
+    LONGEST_NS,
+    SHORTEST_NS,
+    LineError,
+    parse,
+)
 from isel_twin.language import (
     SETTINGS_RANGES,
     Message,
@@ -39,6 +47,7 @@ class ExternalLanguage:
 
     idle = b"\r\n"
     unwatched: Mapping[str, Any] = {"controller.watchdog_ms": 0}
+    shortest_ns, longest_ns = SHORTEST_NS, LONGEST_NS
 
     def __init__(self) -> None:
         self.ranges = RANGES

@@ -190,9 +190,9 @@ RULES: Mapping[str, Rule] = {
         "{} repetitions",
     ),
     "signal": Rule(
-        "Captured signals give the drives the times that they need.",
-        "`drive`: pulses, or times around a turn, are shorter than the drives need",
-        "Give the source of the pulses longer ones, or more time between direction and step.",
+        "Captured signals are whole, and give the drives the times that they need.",
+        "`drive`: a gap in the capture; pulses, or times around a turn, that are shorter than the drives need",
+        "Capture without a pause; give the source of the pulses longer ones, or more time between direction and step.",
         "pulse_us, setup_us, hold_us",
     ),
     "odd": Rule(

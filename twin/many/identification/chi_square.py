@@ -7,7 +7,8 @@ judged by itself, and what is known beforehand of the numbers fitted beside is o
     chi^2 = sum of r^2 of a kind / sum of (1 - h)      h: leverage, the part of a datum that the fit has bent to
 
 h is the diagonal of D (D'D + P)^-1 D', with D the Jacobian, the zeros of gauges and a row a prior, P of the zeros next
-to nothing. A kind is beyond chance from the quantile on that all kinds of a true model stay below in FITS of all fits.
+to nothing. A kind is beyond chance from the quantile on that all kinds of a true model stay below in FITS of all fits
+(many/31).
 """
 
 from __future__ import annotations

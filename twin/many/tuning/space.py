@@ -24,9 +24,7 @@ from typing import Any
 
 from isel_twin.controller import offers
 from isel_twin.core.spec import TwinSpec
-from isel_twin.drives.motor import Motor
 from isel_twin.drives.servo_drive import ServoDrive
-from isel_twin.drives.stability import limit_rad_s
 from isel_twin.jobs.job import Line, parse_job
 from isel_twin.language import (
     SETTINGS_RANGES,
@@ -92,8 +90,7 @@ def fails_from_hz(axis: Axis) -> float:
     servo drive lags by more than its limit (many/13)."""
     if isinstance(axis.stage, ServoDrive):
         return axis.stage.lag_limit * axis.stage.position_gain_per_s / max(1.0 - axis.stage.feed_forward, 1e-3)
-    assert isinstance(axis.motor, Motor)
-    return limit_rad_s(axis.motor, axis.stage) * axis.steps_per_rev / (2.0 * math.pi)
+    return axis.swing_limit_rad_s * axis.steps_per_rev / (2.0 * math.pi)
 
 
 @dataclass(frozen=True)

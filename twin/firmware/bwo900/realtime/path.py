@@ -192,7 +192,7 @@ class PieceMaker:
         self._end: tuple[Point, float] | None = None
         """Direction and speed at the end of the last piece; None: it ends at 0."""
         self._line: tuple[Point, Point] | None = None
-        """The last piece, if it is a line with a feed that the next one joins."""
+        """The last piece, if it is a line with a feed that the next one joins; kept where P8857 limits the speed."""
 
     def pieces(self, blocks: Sequence[PathBlock]) -> tuple[Pieces, list[int]]:
         """The pieces of these blocks, and the number of each block. Raises ProgramError: M1230 no feed, M1237."""
@@ -256,7 +256,6 @@ class PieceMaker:
         entry = _corner_factors(cosines, limits.corner) * np.minimum(np.append(last, speed[:-1]), speed)
         self._place = tuple(map(int, places[-1].tolist()))
         self._end = tuple(direction[-1].tolist()), float(speed[-1])
-        self._line = lines[-1].start, lines[-1].end
         return way, np.stack([length, wanted, limit, acceleration, entry])
 
     def _one_by_one(

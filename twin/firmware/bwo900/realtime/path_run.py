@@ -194,7 +194,7 @@ class PathRun:
         self.stretch.stand(self._axes.limits(), self._axes.position)
 
     def begin_anew(self) -> None:
-        """After a deleted path: the next one begins at the present position, without the old radius correction."""
+        """After a deleted path: the next one begins at the present position, as the first of all."""
         self._interpreter.stand(self._axes.position)
         self.stand()
         self._ahead.renew_filters()
