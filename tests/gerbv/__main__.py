@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.gerbv.files import file
-from tests.gerbv.image import command, differ, read, seen
+from tests.gerbv.image import command, differ, ncp, ncp_differs, read, seen
 
 RECORDED = Path(__file__).parent / "recorded.json"
 
@@ -33,11 +33,12 @@ def main() -> int:
         for seed in range(call.first, call.first + call.number):
             text, _ = file(seed)
             theirs = seen(gerbv, text, Path(folder))
-            rows.append({"file": text, "marks": [[round(value, 5) for value in mark] for mark in theirs]})
+            nc = ncp(gerbv, Path(folder))
+            rows.append({"file": text, "marks": [[round(value, 5) for value in mark] for mark in theirs], "ncp": nc})
             ours, said = read(text.splitlines(keepends=True))
             if said and "which zeros" in said[-1]:  # gerbv takes TZ; here nothing is concluded (cam/43)
                 refused += 1
-            elif why := differ(ours, theirs):
+            elif why := differ(ours, theirs) or ncp_differs(nc, theirs):
                 wrong += 1
                 print(f"seed {seed}: {why} {said}", flush=True)
     if call.record:

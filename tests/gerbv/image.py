@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from isel_twin.cam.excellon import Excellon
+from isel_twin.cam.ncp import Ncp
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Line, Tool
 from tests.forked import PATIENCE_S
@@ -21,6 +22,7 @@ from tests.gerbv.files import INCH, Mark
 
 LOOSE_MM = 1e-4  # six decimals of an inch are 25 nm
 LOOSE_TOOL_MM = 2e-3  # four
+LOOSE_NCP_MM = 1e-3  # whole um
 SETTINGS = CamSettings(z_sign=1, feed_mm_s=10.0, depth_mm=1.8)
 _APERTURE = re.compile(r"%ADD(\d+)C,([\d.]+)\*%")
 _POINT = re.compile(r"(?:G01)?X(-?\d+)Y(-?\d+)D0([123])\*")
@@ -52,6 +54,26 @@ def seen(gerbv: str, text: str, folder: Path) -> list[Mark]:
                 marks.append((*start, *to, diameter))
             start = to
     return marks
+
+
+def ncp(gerbv: str, folder: Path) -> str:
+    """The holes of that file as NCP, without remarks; gerbv leaves slots out, and puts tools in order."""
+    subprocess.run(
+        [gerbv, "-x", "idrill", "-o", "file.ncp", "file.drl"],
+        cwd=folder, capture_output=True, check=False, timeout=PATIENCE_S,
+    )  # fmt: skip
+    lines = (folder / "file.ncp").read_text().splitlines()
+    return "\n".join(line for line in lines if line and not line.startswith(";"))
+
+
+def ncp_differs(text: str, theirs: Iterable[Mark]) -> str:
+    """A hole that only one of both has, the NCP as it is read here or the marks; "" for none."""
+    downwards = [element for element in Ncp().read(text.splitlines(), SETTINGS) if isinstance(element, Line)]
+    ours, holes = [line.to[:2] for line in downwards], [mark[:2] for mark in theirs if len(mark) == 3]
+    if len(ours) != len(holes):
+        return f"NCP: {len(ours)} holes, {len(holes)} in the image"
+    lost = [hole for hole in holes if min(math.dist(hole, own) for own in ours) > LOOSE_NCP_MM]
+    return f"NCP: {lost[0]} is lost" if lost else ""
 
 
 def read(lines: Iterable[str], settings: CamSettings = SETTINGS) -> tuple[list[Mark], list[str]]:

@@ -9,7 +9,7 @@ import pytest
 
 from tests.gerbv import __main__ as command_line
 from tests.gerbv.files import FORMS, OTHERWISE, file
-from tests.gerbv.image import differ, read
+from tests.gerbv.image import differ, ncp_differs, read
 from tests.thorough import drawn
 
 ROWS = json.loads(command_line.RECORDED.read_text())
@@ -19,6 +19,11 @@ ROWS = json.loads(command_line.RECORDED.read_text())
 def test_as_gerbv(row: dict[str, object]) -> None:
     ours, said = read(row["file"].splitlines(keepends=True))
     assert differ(ours, row["marks"]) == "", said
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[str(number) for number in range(len(ROWS))])
+def test_ncp_of_gerbv_has_its_holes(row: dict[str, object]) -> None:
+    assert ncp_differs(row["ncp"], row["marks"]) == ""
 
 
 @pytest.mark.parametrize("forms", [FORMS, OTHERWISE])

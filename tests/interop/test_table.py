@@ -15,10 +15,10 @@ PROGRAMS = re.findall(
     r"\S+",
     """
     Altium Autodesk com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam FlatCAM FMPy fmucontainer fmuloader
-    Foxglove FreeCAD
+    Foxglove FreeCAD gcode-toolpath
     Fusion gerbv GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad
     Klipper Lichtblick LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd
-    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pyvcd Rerun Robot rs274 Saleae
+    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pygcode pyvcd Rerun Robot rs274 Saleae
     sarif-multitool ser2net sigrok Stable-Baselines3 Surfer Vectric Verilator vpype WinPC-NC
     """,
 )

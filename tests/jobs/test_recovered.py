@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -131,6 +132,29 @@ def test_arcs_stay_arcs_and_feeds_feeds_where_the_controller_has_them() -> None:
     (plunge,) = [one for one in path if isinstance(one, Line) and one.to[2] == -21.0 and one.to[:2] == (30.0, 20.0)]
     assert plunge.feed_mm_s == pytest.approx(5.0, rel=0.01)
     assert [element.turns for element in path if isinstance(element, Spindle)] == [1, 0]
+
+
+@pytest.mark.parametrize(("sweep_deg", "turns"), [(30.0, 2), (300.0, 3), (360.0, 3)])
+def test_turns_are_circles_and_what_is_left_of_them(sweep_deg: float, turns: int) -> None:
+    """LinuxCNC's P: so many turns, the last of them up to the end. Each stays an arc, at the feed of 10 mm/s."""
+    x, y = (10.0 * function(math.radians(sweep_deg)) for function in (math.cos, math.sin))
+    part = f"G21 G90 F600\nG0 X10 Y0\nG3 X{x:.4f} Y{y:.4f} I-10 J0 P{turns}\nM2\n"
+    path = list(recovered(*reversed(sent_for("imc-s8", part))))
+    made = [(before.to, one) for before, one in itertools.pairwise(path) if isinstance(one, Arc)]
+    length = sum(arcs.shape(arc, begin).length for begin, arc in made)
+    assert length == pytest.approx(10.0 * (2.0 * math.pi * (turns - 1) + math.radians(sweep_deg)), abs=0.01)
+    assert [arc.feed_mm_s for _, arc in made] == [pytest.approx(10.0, rel=0.02)] * turns
+
+
+def test_a_helix_is_chords_and_no_staircase() -> None:
+    """Its steps are 3.1 um; chords that leave a circle of 10 mm by s have an angle of 2 acos(1 - s / r)."""
+    spec, sent = sent_for("imc-s8", "G21 G90 F600\nG0 X10 Y0 Z5\nG3 X10 Y0 Z4.8 I-10 J0\nM2\n")
+    assert any(data.startswith(b"@0w") for data in sent)
+    path = [one for one in recovered(sent, spec) if isinstance(one, Line)]
+    assert len(path) < 2.0 * math.pi / math.acos(1.0 - CHORD_MM / 10.0)
+    lengths = [math.dist(before.to, one.to) for before, one in itertools.pairwise(path)]
+    seconds = sum(length / one.feed_mm_s for length, one in zip(lengths, path[1:], strict=True))
+    assert sum(lengths) / seconds == pytest.approx(10.0, rel=0.02)  # that of the way, not of its single steps
 
 
 def test_a_recorded_session_becomes_a_file(tmp_path: Path) -> None:

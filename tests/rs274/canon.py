@@ -33,20 +33,24 @@ def command() -> str | None:
     return os.environ.get("RS274") or shutil.which("rs274")
 
 
-def interpreted(interpreter: str, program: str, folder: Path) -> tuple[list[Move], str]:
-    """Moves of a program, and the error that ended it ("" for none)."""
+def interpreted(
+    interpreter: str, program: str, folder: Path, least_mm: float = LOOSE_ROUNDED
+) -> tuple[list[Move], str]:
+    """Moves of a program, without straight ones that are no longer than this, and the error that ended it ("" for
+    none)."""
     (folder / "fresh.var").write_text("5161\t0.0\n")
     (folder / "tools.tbl").write_text(TOOLS)
     (folder / "program.ngc").write_text(program)
     done = subprocess.run(
         [interpreter, "-t", "tools.tbl", "-v", "fresh.var", "-g", "program.ngc"],
-        cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+        cwd=folder, env={**os.environ, "HOME": str(folder)},  # where its tools are kept while it runs
+        capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     error = [line for line in done.stderr.splitlines() if line.strip() and line != "executing"]
-    return _moves(done.stdout), " / ".join(error) if done.returncode else ""
+    return _moves(done.stdout, least_mm), " / ".join(error) if done.returncode else ""
 
 
-def _moves(calls: str) -> list[Move]:
+def _moves(calls: str, least_mm: float) -> list[Move]:
     unit, feed, plane = 1.0, 0.0, "XY"
     offsets = {"SET_G5X_OFFSET": [0.0] * 3, "SET_G92_OFFSET": [0.0] * 3, "USE_TOOL_LENGTH_OFFSET": [0.0] * 3}
     at = (0.0, 0.0, 0.0)
@@ -78,7 +82,7 @@ def _moves(calls: str) -> list[Move]:
                 moves.append(("arc", *to, values[2] + shift[a], values[3] + shift[b], third, values[4] / unit, feed))
             else:
                 to = tuple(p + s for p, s in zip(values, shift, strict=False))
-                if math.dist(to, at) > LOOSE_ROUNDED:
+                if math.dist(to, at) > least_mm:
                     moves.append(("rapid", *to) if name == "STRAIGHT_TRAVERSE" else ("line", *to, feed))
             at = to
     return moves

@@ -4,8 +4,9 @@
 
 Points are those of the machine, 0 where a reference run ends; reference runs are left out, and so is where the
 carriages stood before the first. Every motion is a cut at the speed it had, as nothing tells rapids from feeds.
-Circles in X and Y stay arcs; helices, other planes and the paths of controllers that join moves become chords within
-CHORD_MM. Each message is carried out to its end before the next: what stopped a motion half-way is not told.
+Circles in X and Y stay arcs, each turn of its own; helices, other planes and the paths of controllers that join moves
+become chords within CHORD_MM, or a step of all axes where that is more. Each message is carried out to its end before
+the next: what stopped a motion half-way is not told.
 """
 
 from __future__ import annotations
@@ -99,35 +100,37 @@ def _elements(motion: Motion, at: Floats, step_mm: Floats, settings: CamSettings
                 feed = float(motion.law.speed_hz) * way_mm / ticks
                 yield Line(place, settings.machine_point(_point(at + steps * step_mm)), feed)
             return
-        if isinstance(motion.path, Circle) and (arc := _arc(motion, motion.path, at, steps, step_mm)) is not None:
-            centre, radius_mm, sense = arc
-            feed = float(motion.law.speed_hz) * radius_mm * _angle(motion.path, ticks) / ticks
-            to = settings.machine_point(_point(at + steps * step_mm))
-            yield Arc(place, to, settings.machine_point(_point(centre)), 2, sense, feed)
+        if isinstance(motion.path, Circle) and (arc := _arc(motion, motion.path, at, step_mm)) is not None:
+            centre, radius_mm, sense, angle = arc
+            feed = float(motion.law.speed_hz) * radius_mm * angle / ticks
+            turns = math.ceil(angle / (2.0 * math.pi) - 1e-9)
+            for to in [at] * (turns - 1) + [at + steps * step_mm]:
+                to_mm, centre_mm = (settings.machine_point(_point(values)) for values in (to, centre))
+                yield Arc(place, to_mm, centre_mm, 2, sense, feed)
             return
     yield from _chords(motion, at, step_mm, settings, place)
 
 
-def _arc(motion: StepRun, path: Circle, at: Floats, steps: Floats, step_mm: Floats) -> tuple[Floats, float, int] | None:
-    """Centre, radius and sense of a whole circle or arc in X and Y; None for any other."""
+def _arc(motion: StepRun, path: Circle, at: Floats, step_mm: Floats) -> tuple[Floats, float, int, float] | None:
+    """Centre, radius, sense and angle of a whole circle or arc in X and Y; None for any other."""
     if set(path.plane) != {0, 1} or path.third_axis is not None or step_mm[0] != step_mm[1]:
         return None
-    if motion.first or motion.last < path.ticks or abs(_angle(path, path.ticks)) > 2.0 * math.pi + 1e-3:
+    if motion.first or motion.last < path.ticks or not path.squared_radius:
+        return None
+    if (angle := _angle(path, path.ticks)) <= 0.0:  # a single step towards the centre
         return None
     centre = at.copy()
     centre[path.plane[0]] -= path.xs * step_mm[0]
     centre[path.plane[1]] -= path.ys * step_mm[0]
-    return centre, math.sqrt(path.squared_radius) * float(step_mm[0]), 1 if path.plane == (0, 1) else -1
+    return centre, math.sqrt(path.squared_radius) * float(step_mm[0]), 1 if path.plane == (0, 1) else -1, angle
 
 
 def _angle(path: Circle, ticks: int) -> float:
-    """Angle of the first ticks, up to a full turn; a quarter of a circle has 2 R of them."""
+    """Angle of the first ticks, with its full turns; a quarter of a circle has 2 R of them."""
     x, y = path.displacement(ticks)[path.plane[0]] + path.xs, path.displacement(ticks)[path.plane[1]] + path.ys
-    angle = (math.atan2(y, x) - math.atan2(path.ys, path.xs)) % (2.0 * math.pi)
-    whole = 8.0 * math.sqrt(path.squared_radius)
-    if ticks > 0.5 * whole and angle < 0.5 * math.pi:
-        angle += 2.0 * math.pi
-    return angle
+    part = math.atan2(y, x) - math.atan2(path.ys, path.xs)
+    about = ticks / (8.0 * math.sqrt(path.squared_radius))
+    return part + 2.0 * math.pi * round(about - part / (2.0 * math.pi))
 
 
 def _chords(motion: Motion, at: Floats, step_mm: Floats, settings: CamSettings, place: Place) -> Iterator[Line]:
@@ -137,15 +140,15 @@ def _chords(motion: Motion, at: Floats, step_mm: Floats, settings: CamSettings, 
     places = at + np.cumsum(delta[:, : len(CARRIAGES)], axis=0, dtype=np.int64) * step_mm
     places = np.vstack([at, places])
     times = np.concatenate([[motion.start_ns], t_ns]).astype(np.float64) / SECOND_NS
-    for first, last in itertools.pairwise(_corners(places)):
-        way_mm = float(np.linalg.norm(np.diff(places[first : last + 1], axis=0), axis=1).sum())
+    for first, last in itertools.pairwise(_corners(places, max(CHORD_MM, float(np.linalg.norm(step_mm))))):
+        way_mm = float(np.linalg.norm(places[last] - places[first]))
         took_s = times[last] - times[first]
         if way_mm and took_s:
             yield Line(place, settings.machine_point(_point(places[last])), way_mm / took_s)
 
 
-def _corners(places: Floats) -> Sequence[int]:
-    """Indices of the points [n, 3] whose chords keep all others within CHORD_MM (Douglas and Peucker)."""
+def _corners(places: Floats, within_mm: float) -> Sequence[int]:
+    """Indices of the points [n, 3] whose chords keep all others so near (Douglas and Peucker)."""
     kept, open_ = {0, len(places) - 1}, [(0, len(places) - 1)]
     while open_:
         first, last = open_.pop()
@@ -157,7 +160,7 @@ def _corners(places: Floats) -> Sequence[int]:
         share = np.clip(beside @ chord / length, 0.0, 1.0) if length else np.zeros(len(beside))
         off = np.linalg.norm(beside - share[:, None] * chord, axis=1)
         worst = int(off.argmax())
-        if off[worst] > CHORD_MM:
+        if off[worst] > within_mm:
             middle = first + 1 + worst
             kept.add(middle)
             open_ += [(first, middle), (middle, last)]
