@@ -151,10 +151,10 @@ def test_chords_are_found_in_the_line_of_their_arc(tmp_path: Path) -> None:
 
 
 def test_lost_steps_leave_the_path_of_all_cuts_that_follow(tmp_path: Path) -> None:
-    """They are lost in the rapid of line 3."""
+    """They are lost in the rapid of line 3, along X: the cut of line 5, along X, is on its path all the same."""
     weak = ("--contour-mm", "0.05", "--set", "axes.x.guide_friction=1500")
     found = checked(tmp_path, "imc-s8", *weak)
-    assert {"contour 5", "contour 6", "contour 7"} <= set(found) <= {f"contour {number}" for number in (4, 5, 6, 7)}
+    assert {"contour 6", "contour 7"} <= set(found) <= {f"contour {number}" for number in (4, 5, 6, 7)}
 
 
 @pytest.mark.parametrize("controller", MACHINES)

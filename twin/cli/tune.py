@@ -39,7 +39,7 @@ class Demands:
     edge: Annotated[
         float,
         Parameter(help="Least edge, a factor: speed from which on a motor swings over the speed at which it turns."),
-    ] = 1.0
+    ] = 1.1
     settle_mm: Annotated[
         float | None, Parameter(help="A move takes until its carriages ring by no more than this, mm.")
     ] = None
