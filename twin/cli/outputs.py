@@ -410,9 +410,9 @@ class TableOutput:
             changed = ", ".join(list(dict.fromkeys(_changed(*one) for one in far))[:SHOWN_FACTORS])
             ended = trial.verdict
             steps = zip(AXIS_NAMES, ended.lost_steps, ended.forgotten_steps, ended.lost, strict=False)
-            losses = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
+            told = ", ".join(f"{axis.upper()} {now + before:.0f}" for axis, now, before, is_lost in steps if is_lost)
             refused = f"{ended.refused} refused" if ended.refused else "nothing lost or refused"
-            what = f"lost {losses}" if losses else refused
+            what = f"lost {told}" if told else refused
             self._print(f"  repetition {trial.number}: {what} (seed {trial.seed}; largest changes: {changed})")
         return not other
 

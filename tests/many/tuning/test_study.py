@@ -12,7 +12,6 @@ import optuna
 import pytest
 
 from isel_twin.base.crew import here
-from isel_twin.core.spec import TwinSpec
 from isel_twin.many.tuning import Judgement
 from isel_twin.many.tuning import study as study_module
 from isel_twin.many.tuning.compose import best_of_each
