@@ -176,6 +176,7 @@ def test_wrong_arguments_are_named_in_one_line(arguments: dict[str, object], mes
     [
         (lambda twin: twin.run(-1.0), "virtual time cannot pass by -1.0 s"),
         (lambda twin: twin.run(float("nan")), "virtual time cannot pass by nan s"),
+        (lambda twin: twin.run(1e11), "virtual time cannot pass by 100000000000.0 s"),
         (lambda twin: twin.apply_force(3, 1.0), "axis 3 has no carriage"),
         (lambda twin: twin.apply_force(-1, 1.0), "axis -1 has no carriage"),
         (lambda twin: twin.apply_force(0, float("inf")), "a force of inf N"),
