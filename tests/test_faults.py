@@ -222,7 +222,7 @@ def test_swapped_switches_stop_the_wrong_axis(plant: str) -> None:
     assert twin.query("@07") == "0"
     twin.write(b"@0R4\r")
     twin.run(60.0)
-    assert twin.machine_position_mm[2] < 0.0, "it has gone through its switch"
+    assert twin.machine_position_mm[2] < 0.05, "it is at its own switch, which trips within 50 um of its place"
     assert twin.inputs["limit_z1"] == "struck"
 
 

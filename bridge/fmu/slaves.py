@@ -101,7 +101,7 @@ class _TwinSlave(Fmi3Slave):
         self.register_units([Unit("mm", m=1, factor=1e-3), Unit("mm/s", m=1, s=-1, factor=1e-3)])
         self.register_units([Unit("N", kg=1, m=1, s=-2), Unit("V", kg=1, m=2, s=-3, A=-1), Unit("s", s=1)])
         self.time = 0.0
-        self.start_s: float | None = None  # None until the first step
+        self.start_s: float | None = None  # None until the first step, where time begins (bridge/36)
         self.twin: Twin | None = None
         self.values: dict[str, Any] = {}  # of parameters and inputs
         self._applied: dict[str, Any] = {}  # inputs, as the twin knows them

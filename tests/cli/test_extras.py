@@ -26,7 +26,7 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setitem(sys.modules, package, None)
     for module in (
         *("isel_twin.recordings.parquet", "isel_twin.report.report", "isel_twin.bridge.operate.panel.site"),
-        *("isel_twin.bridge.editor.server", "pygls.lsp.server"),
+        *("isel_twin.bridge.editor.server", *(name for name in sys.modules if name.startswith("pygls."))),
     ):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.chdir(tmp_path)

@@ -74,7 +74,13 @@ def test_what_fits_strikes_no_switch(machine: str, part: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
-COMMANDS = [("run",), ("check",), ("golden", "record"), ("convert",), ("tune", "--trials", "1", "--confirm", "1")]
+COMMANDS = [
+    ("run",),
+    ("check",),
+    ("golden", "record"),
+    ("convert",),
+    ("tune", "--trials", "1", "--confirm", "1", "--set", "axes.all.stage.kind=fast"),
+]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])

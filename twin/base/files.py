@@ -383,6 +383,9 @@ def _lock(name: str, lock: str) -> tuple[int | None, bool]:
             raise _in_use(name, int(owner) if owner.isdigit() else 0)
         if locked is None:
             os.close(handle)
+            if not found:
+                with suppress(OSError):
+                    os.unlink(lock)
             return None, found
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(handle), os.lstat(lock)):

@@ -160,7 +160,10 @@ class Seen:
         nan without such a motor."""
         edge = self.fastest_rad_s
         for i, axis in enumerate(self.machine.axes[: len(edge)]):
-            edge[i] = math.inf if edge[i] < SLOW_RAD_S else axis.swing_limit_rad_s / edge[i]
+            if edge[i] >= SLOW_RAD_S:
+                edge[i] = axis.swing_limit_rad_s / edge[i]
+            elif edge[i] < SLOW_RAD_S:
+                edge[i] = math.inf
         return edge
 
     @property

@@ -55,7 +55,8 @@ def test_intervals_hold_what_they_say(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert (low, high) == (14, 20)
     assert all(low <= n <= high for n in counts), counts
     remaining = np.median([[one.remaining for one in result.estimates] for result in results], axis=0)
-    assert (remaining < (0.3, 0.8, 0.6)).all(), remaining  # the prior alone would hold as many, and say nothing
+    # the prior alone would hold as many, and say nothing; what a pull shows as backlash may be a frame that keeps it
+    assert (remaining < (0.4, 1.0, 0.5)).all(), remaining
 
 
 def pushed(values: list[float], ways: list[float], command: int = 7) -> tuple[Reading, ...]:
