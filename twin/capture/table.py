@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
-from isel_twin.capture import wave
+from isel_twin.capture import vcd, wave
 from isel_twin.capture.vcd import ALL, FOUND, LOST, gaps_of, scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
 
@@ -406,4 +406,4 @@ def _scaled(mantissa, shift):
     return (mantissa + divisor // 2) // divisor if shift == 0 or mantissa == 0 else 0
 
 
-contains(__name__, wave.__file__)
+contains(__name__, vcd.__file__, wave.__file__)

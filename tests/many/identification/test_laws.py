@@ -122,7 +122,7 @@ def test_what_is_left_alone_is_as_wide_as_it_is_known() -> None:
     found = {item.name: (item.low, item.high) for item in left_alone(MACHINE, [], ["x"])}
     assert found["axes.x.specimen.torque_constant"] == pytest.approx((0.924, 1.076))
     assert found["axes.x.specimen.iron_loss"] == pytest.approx((0.5, 2.0))
-    assert found["lead.x"] == pytest.approx((-0.1, 0.1))
+    assert found["lead.x"] == pytest.approx((-0.25, 0.25))
 
 
 def test_what_the_data_see_is_fitted_beside_be_it_chance_or_not() -> None:
