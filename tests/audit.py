@@ -43,7 +43,7 @@ def run(*words: str | Path) -> subprocess.CompletedProcess[str]:
 
 def unanswered(done: subprocess.CompletedProcess[str]) -> tuple[int, list[str]]:
     """The same where a program has not come to its end."""
-    if CONTRADICTION in done.stderr:
+    if CONTRADICTION in done.stderr or "No module named" in done.stderr or "unexpected argument" in done.stderr:
         return 1, [done.stderr.strip()]
     return 0, [f"audit: no index answers: nothing was looked up ({' '.join(done.stderr.split()[-12:])})"]
 

@@ -89,7 +89,7 @@ def test_what_is_asked_and_measured_is_ok(rule: str, bounds: Bounds) -> None:
 def test_what_is_asked_and_cannot_be_measured_is_not_ok() -> None:
     bounds = Bounds(margin=0.2, edge=1.1, contour_mm=0.1, clearance=2.0)
     told = outcomes(checked("@0?\n", bounds, "mujoco"), bounds)
-    assert told["edge"] == "not looked at: no motor has turned"
+    assert told["edge"] == "not looked at: no motor has turned that has a limit of its swing"
     assert told["contour"] == "not looked at: no file of a CAM program that cuts"
     assert told["clearance"] == "not looked at: nothing is clamped that could be met"
 

@@ -401,7 +401,8 @@ class TableOutput:
             differently = f"{len(other)} of {many(len(trials), 'machine')} ended differently"
             self._print(f"{other_word}: {differently}; {frequency}", style="bold red")
         if (found := separates(trials)) is not None:
-            values = f"{found.lost:.3f} times its value where steps were lost, else {found.held:.3f} times, on average"
+            unit = "of it fast" if found.key.endswith(".stage.kind") else "times its value"
+            values = f"{found.lost:.3f} {unit} where steps were lost, else {found.held:.3f}, on average"
             self._print(f"  best told apart by {found.key}: {values} (by chance in {found.chance:.1%} of such studies)")
         elif 0 < lost < of:
             self._print("  nothing separates them: what was drawn differs no more than by chance")

@@ -19,8 +19,8 @@ search, and the edge is told as none up to the farthest factor at which every se
 So does a speed beyond which no move becomes any faster, as the controller has a highest one.
 
 What is known without that is the speed from which on a motor swings (`Result.edge`): it lies below the edge of speed,
-and there is none where it could not be confirmed. `python -m tests.edges` holds edges against fresh seeds
-(docs/fidelity.md).
+or within 5 % of it, and there is none where it could not be confirmed. `python -m tests.edges` holds edges against
+fresh seeds (docs/fidelity.md).
 """
 
 from __future__ import annotations

@@ -181,7 +181,7 @@ class Verdict:
 
     @property
     def least_edge(self) -> tuple[float, str, int] | None:
-        """The least edge of all axes, the axis and the line; None if no stepper motor has turned."""
+        """The least edge of all axes, the axis and the line; None if none has turned, or no limit is told."""
         found = [(edge[0], name, edge[1]) for name, edge in zip(AXIS_NAMES, self.edge, strict=False) if edge]
         return min(found, default=None)
 

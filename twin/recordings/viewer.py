@@ -1,4 +1,4 @@
-"""A recording for viewers (Foxglove, Rerun, PlotJuggler): the machine in 3D, numbers by axis, events.
+"""A recording for viewers, in Foxglove's schemas: the machine in 3D, numbers by axis, events.
 
     /scene      foxglove.SceneUpdate        meshes of each body in its own frame, the path of the tool; once
     /tf         foxglove.FrameTransforms    where the bodies are, every TF_NS while something moves

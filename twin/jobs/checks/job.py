@@ -323,8 +323,9 @@ class Inspection:
     def _blind(self, verdict: Verdict, cautions: Sequence[Finding] | None) -> dict[str, str]:
         twin, bounds = self.twin, self.bounds
         if verdict.physics:
-            turned = {"margin": verdict.least_margin, "edge": verdict.least_edge}
-            blind = {name: "no motor has turned" for name, least in turned.items() if least is None}
+            blind = {} if verdict.least_margin is not None else {"margin": "no motor has turned"}
+            if verdict.least_edge is None:
+                blind["edge"] = blind.get("margin", "no motor has turned that has a limit of its swing")
         else:
             blind = {
                 name: NO_PHYSICS for name, rule in RULES.items() if rule.physics and bounds.limit(name) is not None
