@@ -197,7 +197,7 @@ def test_a_gap_is_not_well(call: Any, tmp_path: Path) -> None:
     (tmp_path / "gap.vcd").write_text("\n".join(lines) + "\n")
     code, out, _ = call("drive", "gap.vcd", *OPTIONS[:2], "--start", "50,50,20")
     assert code == 1
-    assert "nothing is captured from 0.060500 to 0.067500 s: steps made then are missing" in out
+    assert "a mapped signal has no level from 0.060500 to 0.067500 s: what it did then is missing" in out
     code, out, _ = call("drive", "gap.vcd", *OPTIONS, "--start", "50,50,20")
     summary = json.loads(out.splitlines()[-1])
     assert (code, summary["ok"], summary["steps"]) == (1, False, 133)

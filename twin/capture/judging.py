@@ -27,7 +27,7 @@ def of_signals(ticks: Ticks, needs: Needs) -> Iterator[Finding]:
             f"{begin / SECOND_NS:.6f} to {end / SECOND_NS:.6f} s" for begin, end in ticks.gaps[:_MOST_GAPS]
         )
         more = f" and {len(ticks.gaps) - _MOST_GAPS} times more" if len(ticks.gaps) > _MOST_GAPS else ""
-        told = f"nothing is captured from {where}{more}: steps made then are missing"
+        told = f"a mapped signal has no level from {where}{more}: what it did then is missing"
         yield Finding("signal", told, time_ns=ticks.gaps[0][0])
     for axis, timing in ticks.timing.items():
         for name, (need, words) in _OFFENCES.items():

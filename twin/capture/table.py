@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import itertools
 import mmap
 import re
 from collections.abc import Sequence
@@ -229,9 +230,10 @@ def _rate_in(comments: Sequence[str]) -> float | None:
 
 
 def _count_up(cells: Sequence[str]) -> bool:
-    """True for numbers of samples: levels are 0 or 1."""
+    """True for numbers of samples, by ones but for an overrun; levels are 0 or 1, and times go by larger steps."""
     numbers = [int(cell) for cell in cells if cell.strip().isdecimal()]
-    return len(numbers) == 3 and numbers[0] < numbers[1] < numbers[2]
+    steps = [after - before for before, after in itertools.pairwise(numbers)]
+    return len(numbers) == 3 and min(steps) == 1
 
 
 def _names_in(comments: Sequence[str]) -> list[str]:
