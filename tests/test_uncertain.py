@@ -179,7 +179,7 @@ def lines() -> list[object]:
 
 @pytest.fixture(scope="module")
 def made() -> tuple[Played, list[robust.Repetition]]:
-    call = TwinSpec(start_mm=STANDS)
+    call = TwinSpec(start_mm=STANDS, overrides={"axes.all.stage.kind": "fast"})  # each has a limit of its swing
     return played(call.build(), lines()), list(robust.repetitions(call, lines(), 4, timeout_s=60.0, source="known"))  # type: ignore[arg-type]
 
 
@@ -238,6 +238,12 @@ def test_a_check_doubts_a_bound_that_only_the_machine_of_the_file_keeps(
     assert f"time: {job.verdict.cycle_s:.3f} s, " in finding.message
     assert repeated(TwinSpec(), [], job, Bounds(uncertain=4, cycle_s=0.1)) == []  # broken as it is: told elsewhere
     assert repeated(TwinSpec(), [], job, Bounds(uncertain=4, cycle_s=1e3, margin=0.01, edge=0.5)) == []
+    still = [dataclasses.replace(one, verdict=dataclasses.replace(one.verdict, edge=())) for one in trials[:2]]
+    monkeypatch.setattr(robust, "repetitions", lambda *args, **more: iter([*still, *trials[2:]]))
+    (finding,) = repeated(TwinSpec(), [], job, Bounds(uncertain=4, edge=0.5))
+    assert finding.rule == "effect"
+    assert finding.message.startswith("uncertain: 2 of 4 repetitions: no limit of the swing is told there")
+    monkeypatch.setattr(robust, "repetitions", lambda *args, **more: iter(trials))
     lost = dataclasses.replace(trials[2].verdict, lost_steps=(64.0, 0.0, 0.0, 0.0))
     trials = [*trials[:2], dataclasses.replace(trials[2], verdict=lost)]
     (finding,) = repeated(TwinSpec(), [], job, Bounds(uncertain=3))

@@ -5,8 +5,8 @@
     outputs       positions, speeds, errors, counters, lost steps, margins, switches, power
 
 Inputs act at the beginning of a step. Virtual time is the communication point less the start time, in whole ns and
-never a sum of step sizes, so any division of the time gives the same bits. The start time is where the first step
-begins: pythonfmu3 0.3.4 tells it nobody before. A state is the bytes of `Twin.save` and the inputs.
+never a sum of step sizes, so with bytes any division of the time gives the same bits. The start time is where the
+first step begins: pythonfmu3 0.3.4 tells it nobody before. A state is the bytes of `Twin.save` and the inputs.
 """
 
 from __future__ import annotations

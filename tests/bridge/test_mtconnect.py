@@ -250,6 +250,16 @@ def test_devices_of_a_machine() -> None:
     assert {one.get("id") for one in root.iter(f"{inside}DataItem")} == {item.key for item in ITEMS}
 
 
+def little_room(adapter: Adapter) -> socket.socket:
+    """An agent at an adapter, with the smallest buffers that the operating system makes."""
+    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    agent = socket.socket()
+    agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    agent.settimeout(REPLY_S)
+    agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+    return agent
+
+
 def test_an_agent_that_does_not_read_is_dropped_before_it_misses_a_line() -> None:
     """Small buffers of the operating system; positions change at every look, and 2000 of them are 240 kB."""
     enough, looks = threading.Event(), itertools.count()
@@ -260,11 +270,7 @@ def test_an_agent_that_does_not_read_is_dropped_before_it_misses_a_line() -> Non
         return state(position_mm=[float(number)] * 3)
 
     adapter = Adapter("127.0.0.1:0", look, 0.0001)
-    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-    with socket.socket() as agent:
-        agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        agent.settimeout(REPLY_S)
-        agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+    with little_room(adapter) as agent:
         running = threading.Thread(target=adapter.run)
         running.start()
         assert enough.wait(REPLY_S)
@@ -289,11 +295,7 @@ def test_a_silent_agent_that_reads_late_misses_no_line_and_is_looked_after() -> 
         return state(position_mm=[float(number)] * 3)
 
     adapter = Adapter("127.0.0.1:0", look, 0.0001)
-    adapter._listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-    with socket.socket() as agent:
-        agent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        agent.settimeout(REPLY_S)
-        agent.connect(("127.0.0.1", int(adapter.address.rpartition(":")[2])))
+    with little_room(adapter) as agent:
         running = threading.Thread(target=adapter.run, daemon=True)
         running.start()
         assert enough.wait(REPLY_S)

@@ -42,6 +42,7 @@ def test_each_program_that_is_named_has_a_row() -> None:
 def test_a_witness_is_there(row: list[str]) -> None:
     *_, witness = row
     file, _, name = witness.partition("::")
+    assert "..." not in witness, "a command that can be typed"
     assert witness.startswith("by hand: `") or re.search(
         rf"^ *(?:async )?def {name}\(", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE
     )

@@ -84,12 +84,13 @@ def line(number: int, x_mm: float, *, condition: bool = False, complete: bool = 
     return SimpleNamespace(number=number, condition=condition, complete=complete, position_mm=(x_mm, 0.0, 0.0))
 
 
-def test_margin_and_edge_are_of_the_repetitions_that_have_them() -> None:
-    trials = [trial(outcome=verdict(9.0, 0.3)), trial(outcome=verdict(12.0)), trial(outcome=verdict(11.0, 0.1, 0.8))]
+def test_a_band_is_of_all_repetitions_that_made_the_job() -> None:
+    told = verdict(9.0, 0.3, 0.7), verdict(12.0, 0.2), verdict(11.0, 0.1, 0.8)
+    trials = [trial(outcome=one) for one in told]
     found = {one.what: one for one in bands(verdict(10.0, 0.2, 0.9), [], trials)}
     assert (found["time"].low, found["time"].value, found["time"].high) == (9.0, 10.0, 12.0)
     assert (found["margin"].low, found["margin"].value, found["margin"].high) == (0.1, 0.2, 0.3)
-    assert "edge" not in found  # one is no band
+    assert "edge" not in found  # of two of three it would be a choice
     refused = [*trials, trial(outcome=verdict(1.0, 0.9, 5.0, part="1 refused"))]
     assert bands(verdict(10.0, 0.2, 0.9), [], refused) == bands(verdict(10.0, 0.2, 0.9), [], trials)
     both = [trial(outcome=verdict(9.0, 0.3, 0.7)), trials[2]]

@@ -27,7 +27,7 @@ def export(
 
     OUT.mcap is for viewers: the machine in 3D (Foxglove, Lichtblick), numbers with the names of their axes, events, and
     the times of the wall clock where the session had one (`serve`, `tap`). With the extra `trace` Foxglove's messages
-    are Protocol Buffers, which Rerun wants, else JSON.
+    are Protocol Buffers, else JSON.
 
     An incomplete recording (a killed process, a full disk) is written as far as it goes.
     """

@@ -266,8 +266,7 @@ class Twin(Operated, Seen, Connected, Saved):
     # Time
 
     def run(self, seconds: float) -> None:
-        """Let virtual time pass. Raises ValueError unless seconds is a number, not negative, within the clock's 146
-        years."""
+        """Let virtual time pass. Raises ValueError unless seconds is from 0 to the clock's end at 146 years."""
         if not 0.0 <= seconds < (_NEVER_NS - self.time_ns) / SECOND_NS:
             raise ValueError(f"virtual time cannot pass by {seconds} s; give a number from 0 to 4e9, in all")
         self._advance(self.time_ns + round(seconds * SECOND_NS))

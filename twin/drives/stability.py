@@ -30,12 +30,12 @@ With electronic damping its two states belong to x as well. The slope is that of
 - so does a kick of 6 degrees in the time domain;
 - it is below LAST_RPM, up to where the law was fitted to makers' curves.
 
-Range of validity. Just above growth 0 the swing is bounded by a few degrees, and a motor that is accelerated through a
-narrow band may never show it, so the limit bounds the loss of steps from below. Friction counts as what it is about a
-steady speed: viscous friction damps; Coulomb's is a load, as its describing function is 0 until the swing turns the
-shaft back. Left out is what only helps: the damper of the nut. Left out, too, are the errors of a stage and the detent
-torque, which shake the rotor in narrow bands at low speed, and friction that falls with speed (stick-slip below 60
-rev/min).
+Range of validity. Just above growth 0 the swing is bounded by a few degrees, and a motor that is accelerated through
+a narrow band may never show it, so the limit bounds the loss of steps from below, to 5 %. Friction counts as what it
+is about a steady speed: viscous friction damps; Coulomb's is a load, as its describing function is 0 until the swing
+turns the shaft back. Left out is what only helps: the damper of the nut. Left out, too, are the errors of a stage and
+the detent torque, which shake the rotor in narrow bands at low speed, and friction that falls with speed (stick-slip
+below 60 rev/min).
 
 A rule of thumb (`rule_rpm`): the stage cannot drive the wanted current against its inductance any more,
 

@@ -44,7 +44,7 @@ from isel_twin.jobs.playing import played
 from isel_twin.jobs.verdict import Verdict
 from isel_twin.machine import Machine, with_overrides
 from isel_twin.machine.ranges import held
-from isel_twin.machine.spread import DECAYS, LAWS, MIXED_DECAY, Source, numbers, own, within
+from isel_twin.machine.spread import FAST_STAGES, LAWS, MIXED_DECAY, Source, numbers, own, within
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -151,9 +151,9 @@ class _Draws:
 
     def stages(self, axes: Sequence[str], random: np.random.Generator, knowledge: np.random.Generator) -> None:
         """What is not known of the stages, which are of one kind: how a current falls, and how it is lowered at rest.
-        The factor of a kind is the part of the supply against which a current falls, 0 slow to 1 fast."""
-        whole, mixed = random.uniform(), float(random.uniform(MIXED_DECAY.low, MIXED_DECAY.high))
-        drawn = next((kind for kind, share in DECAYS if (whole := whole - share) < 0.0), DECAYS[-1][0])
+        The factor of a kind is the part of the time in which a current falls against the supply, 1: fast."""
+        drawn = "fast" if random.uniform() < FAST_STAGES else "mixed"
+        mixed = float(random.uniform(MIXED_DECAY.low, MIXED_DECAY.high))
         before, self._random = (self._random, self._knowledge), random
         self._knowledge = self._knowledge and knowledge
         lowered, delay = self.of("stage.idle_current"), self.of("stage.idle_delay")
@@ -166,7 +166,7 @@ class _Draws:
             if not given:
                 self.overrides[f"{key}.kind"] = kind
             if not given or f"{key}.mixed_decay" in self.overrides:
-                self.factors[f"{key}.kind"] = {"slow": 0.0, "mixed": mixed}.get(kind, 1.0)
+                self.factors[f"{key}.kind"] = mixed if kind == "mixed" else 1.0
             self.put(f"{key}.idle_current", lowered, "idle_current")
             self.put(f"{key}.idle_delay", delay, "idle_delay")
         self._random, self._knowledge = before

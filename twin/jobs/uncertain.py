@@ -82,7 +82,7 @@ def bands(verdict: Verdict, results: Sequence[Result], trials: Sequence[Repetiti
         ("edge", "", _edge(verdict), [_edge(one.verdict) for one in trials]),
     ):
         known = [(one, told) for one, told in zip(trials, each, strict=True) if told is not None]
-        if value is not None and len(known) > 1:
+        if value is not None and 1 < len(known) == len(trials):  # of some alone it would be a choice
             found.append(_band(what, unit, value, known))
     found += _places(results, trials)
     return tuple(found)

@@ -11,7 +11,7 @@ Two questions are asked of it:
                 detent log-normal 25 %, iron loss 40 %, its knee 30 %
     stage       current normal 3 %, part of the supply that drives it normal 5 % (at most 10), supply -12 to +4 %;
                 electronic damping, where the stage has it, log-normal 35 %; current at rest +-40 %, its delay
-                log-normal 35 %; how a current falls, where nobody has said it: DECAYS
+                log-normal 35 %; how a current falls, where nobody has said it: FAST_STAGES
     friction    of guides and of screws log-normal 35 %
     screw       efficiency 0.80 to 0.95, stiffness log-normal 35 %, backlash log-normal 50 %
     frame       stiffness log-normal 35 %, damping log-normal 47 %; squareness, guides log-normal 50 %
@@ -109,7 +109,7 @@ LAWS: Mapping[str, Law] = {
     "masses": _normal(0.05),
     "payload": Law("uniform", low=0.9, high=1.1),
 }
-DECAYS = (("fast", 0.4), ("mixed", 0.6))  # kinds of stages of a grade `estimate`, and how many are so (jobs/19)
+FAST_STAGES = 0.4  # of the stages whose kind is a guess, the others are mixed (jobs/19)
 MIXED_DECAY = Law("uniform", low=0.3, high=0.9, absolute=True)
 SHEET = frozenset(
     {"stage.current", "efficiency"}

@@ -171,3 +171,6 @@ def _doubts(made: Played, may_be: Sequence[Repetition], bounds: Bounds) -> Itera
     if (edge := bounds.edge) is not None:
         swing = f"swing below {edge:g} times their speed"
         yield from doubt("edge", swing, lambda v: v.least_edge is not None and v.least_edge[0] < edge)
+        if untold := sum(one.verdict.least_edge is None for one in may_be):
+            why = "no limit of the swing is told there, so edge is not judged"
+            yield Finding("effect", f"uncertain: {untold} of {len(may_be)} repetitions: {why}")
