@@ -29,11 +29,24 @@ from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos
 from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
 from isel_twin.envs.wrappers import AlongPath, Randomised
+from isel_twin.native import record
 from isel_twin.plant.memory import AXES, MEMORY, array_at
 
 _ARRAYS = ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")
 # Addresses of an environment's arrays, and their lengths.
-PLACE = np.dtype([(name, "i8") for name in (*_ARRAYS, "joints", "points", "pulses")], align=True)
+PLACE = record(
+    "PLACE",
+    [(name, "i8") for name in (*_ARRAYS, "joints", "points", "pulses")],
+    {
+        "memory": "MEMORY",
+        "track": "TRACK",
+        "lanes": "LANE",
+        "shape_mm": "double",
+        "path": "double",
+        "t_ns": "int64_t",
+        "delta": "int32_t",
+    },
+)
 _NO_LEADS = np.zeros(0, np.int64)
 _TIME = -1  # instead of a result of `take_step`: the time is over
 _IDLE = -2  # instead of a result of `take_step`: this environment makes no step

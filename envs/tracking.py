@@ -21,6 +21,7 @@ import numpy as np
 from isel_twin.base.compiling import contains, njit
 from isel_twin.core import seen
 from isel_twin.core.seen import SLOW_RAD_S
+from isel_twin.native import record
 from isel_twin.plant import kernel
 from isel_twin.plant.kernel import advance
 from isel_twin.plant.memory import AXES, parts_of
@@ -34,7 +35,8 @@ LOOK_NS = 2_000_000  # the tool is compared with the path at least this often
 BACK_MM = 1.0  # the search for the nearest point goes this far back, and this far beyond the reach of a step
 
 REWARDS = ("reward_progress", "reward_time", "reward_deviation", "reward_abort")
-TRACK = np.dtype(  # settings and state of an episode
+TRACK = record(
+    "TRACK",  # settings and state of an episode
     [
         ("step_ns", "i8"),
         ("tolerance_mm", "f8"),
@@ -56,10 +58,10 @@ TRACK = np.dtype(  # settings and state of an episode
         ("edge", "f8"),  # least factor on the speed of any motor in the last step until it swings; inf at rest
         *((name, "f8") for name in REWARDS),
     ],
-    align=True,
 )
 
-LANE = np.dtype(  # settings and state of an axis
+LANE = record(
+    "LANE",  # settings and state of an axis
     [
         ("highest_hz", "f8"),
         ("steps_per_mm", "f8"),
@@ -70,7 +72,6 @@ LANE = np.dtype(  # settings and state of an axis
         ("fraction", "f8"),  # u - counter
         ("rate_hz", "f8"),  # f
     ],
-    align=True,
 )
 
 

@@ -26,13 +26,15 @@ from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
 from isel_twin.drives.screw import Screw
+from isel_twin.native import record
 
 STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
 SERVO = 1  # `kind`: closed loop (servo.py)
 REST_RAD_S = 1e-9  # shaft speed below which a drive counts as at rest (friction brings it to exactly 0)
 
 # constants of one axis drive; built by `axis_parameters` and `servo_parameters`
-AXIS_PARAMETERS = np.dtype(
+AXIS_PARAMETERS = record(
+    "AXIS_PARAMETERS",
     [
         ("kind", "i8"),  # STEPPER, SERVO
         ("microstep_rad", "f8"),  # electrical angle of one microstep
@@ -86,14 +88,14 @@ AXIS_PARAMETERS = np.dtype(
         ("heat_share", "f8"),  # part of the way to (i / rated)^2 that I2t goes in a sub-step
         ("connected", "i8"),  # 0: the cable of the motor is broken
     ],
-    align=True,
 )
 
 _fields = AXIS_PARAMETERS.names or ()
 _SHAFT = slice(_fields.index("dt_s"), _fields.index("backward_loss") + 1)  # all fields have eight bytes
 
 # state of one axis drive; built by `axis_states`
-AXIS_STATE = np.dtype(
+AXIS_STATE = record(
+    "AXIS_STATE",
     [
         ("theta_rad", "f8"),  # rotor angle, 0 where counter 0 holds it, positive away from the motor
         ("omega_rad_s", "f8"),  # rotor speed
@@ -123,7 +125,6 @@ AXIS_STATE = np.dtype(
         ("overloaded", "i8"),  # 1: I2t has passed 1 and is not back below I2T_BACK: at most the rated current flows
         ("arrived", "i8"),  # sub-steps within the window
     ],
-    align=True,
 )
 
 

@@ -26,6 +26,7 @@ from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE, axis_states, lay_shaft
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
+from isel_twin.native import core
 from isel_twin.plant import Threshold, kernel, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, supply_state
@@ -37,7 +38,7 @@ from isel_twin.plant.model import MODELS, Asked, asked_of, bare, found_targets, 
 from isel_twin.plant.native import mj_step_address, time_step_address
 from isel_twin.plant.prepared import Built, Frame
 from isel_twin.plant.thread import SCREW, feel, laid_screw
-from isel_twin.plant.weighing import balance, check_steps, stiffest_n_per_m, weigh
+from isel_twin.plant.weighing import check_steps, stiffest_n_per_m, weigh
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
 FINER = 4, 5, 3, 2  # parts of a window while the structure is shaken: the first that divides it
@@ -115,7 +116,7 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     parts.mobility[:] = built.mobility
     if built.scratch is data:
         _stand(built, start_mm)
-    balance(built.memory, data.qpos, built.weight)
+    core.balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
         feel(parts.screws, parts.axes, parts.drives, parts.states)
     for switch in parts.thresholds:

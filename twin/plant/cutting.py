@@ -46,9 +46,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.parameters import check, flag, number, word
+from isel_twin.native import record
 
 # state of a cut; all zero: none
-CUT = np.dtype(
+CUT = record(
+    "CUT",
     [
         ("on", "i8"),
         ("flutes", "i8"),
@@ -74,7 +76,6 @@ CUT = np.dtype(
         ("tool_m_per_n", "f8"),  # by which tool and holder give way
         ("bend_m", "f8", (2,)),  # of the tip over the spindle along X and Y, behind the lag
     ],
-    align=True,
 )
 
 MODULUS_PA = {"carbide": 600e9, "hss": 210e9}  # Young's, of fine-grained grades: 580 to 620; of steels: 200 to 220

@@ -14,10 +14,12 @@ from isel_twin.drives.servo import VOLTAGE_FAULT, fail
 from isel_twin.drives.shaft import SERVO
 from isel_twin.drives.stage import AnyStage
 from isel_twin.drives.supply import Supply
+from isel_twin.native import record
 
 STEADY = 1e-9  # change of the voltage in a window, over U0, that counts as none
 
-SUPPLY = np.dtype(
+SUPPLY = record(
+    "SUPPLY",
     [
         ("on", "i8"),  # 0: every stage has its own stiff supply
         ("gate", "i8"),  # phases let through: all (3), or none (0) at under-voltage
@@ -38,7 +40,6 @@ SUPPLY = np.dtype(
         ("drawn_j", "f8"),  # all that the stages took since power-on, less what they gave back
         ("dumped_j", "f8"),  # all that the chopper took
     ],
-    align=True,
 )
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import contains, njit
+from isel_twin.native import record
 from isel_twin.plant import native
 from isel_twin.plant.model import blank
 from isel_twin.plant.native import call_mj_step, mj_step_address
@@ -34,7 +35,8 @@ from isel_twin.plant.reach import can_meet, collide, joint_bounds
 LEAST_SOFT = 1e-15  # of R, MuJoCo's mjMINVAL
 AGREE_M_S = 1e-9  # largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that
 
-JOINT = np.dtype(
+JOINT = record(
+    "JOINT",
     [
         ("low_m", "f8"),  # bounds, left out; nan: never within
         ("high_m", "f8"),
@@ -46,7 +48,6 @@ JOINT = np.dtype(
         ("stuck_kg", "f8"),  # 1 / (A + R)
         ("force_n", "f8"),  # scratch
     ],
-    align=True,
 )
 
 

@@ -25,14 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.compiling import njit
+from isel_twin.native import record
 
-LEAD = np.dtype(
+LEAD = record(
+    "LEAD",
     [
         ("pending", "f8"),  # microsteps to come at the last tick
         ("end_ns", "i8"),  # when they have come
         ("lead_ns", "i8"),  # time of the last tick to then
     ],
-    align=True,
 )
 
 

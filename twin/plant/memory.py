@@ -17,6 +17,7 @@ import isel_twin.plant
 from isel_twin.base.compiling import intrinsic, njit
 from isel_twin.drives import shaft
 from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
+from isel_twin.native import record
 from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY
@@ -28,7 +29,8 @@ from isel_twin.plant.touch import FEELER, TARGET
 AXES = 3  # with mechanics
 SAMPLES = MOST_SAMPLES  # samples that can wait to be read
 
-PLANT = np.dtype(
+PLANT = record(
+    "PLANT",
     [
         ("substep_ns", "i8"),
         ("window", "i8"),  # sub-steps in a MuJoCo step: `usual`, or `fine` while the structure is shaken
@@ -61,10 +63,10 @@ PLANT = np.dtype(
         ("struck", "i8"),  # 1: two shapes that must not meet began to touch in MuJoCo's last step
         ("held", "i8"),  # 1: frozen and sampled once: further samples would be the same
     ],
-    align=True,
 )
 
-AXIS = np.dtype(
+AXIS = record(
+    "AXIS",
     [
         ("dof", "i8"),  # index of the axis joint in qpos and qvel
         ("zero_m", "f8"),  # joint position with rotor angle 0 and the nut in the middle of its backlash
@@ -102,7 +104,6 @@ AXIS = np.dtype(
         ("free_low_m", "f8"),  # between these no position switch of the axis changes
         ("free_high_m", "f8"),
     ],
-    align=True,
 )
 
 KEPT, SAME = 1, 2  # of `settled`
@@ -112,7 +113,8 @@ PARTED_MM = 0.5  # by which they have to part to be apart again (plant/20)
 POSITION, LAG, FAULT, TOUCH = 0, 1, 2, 3  # quantities of thresholds
 
 # passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that
-THRESHOLD = np.dtype(
+THRESHOLD = record(
+    "THRESHOLD",
     [
         ("quantity", "i8"),
         ("axis", "i8"),
@@ -121,7 +123,6 @@ THRESHOLD = np.dtype(
         ("hysteresis", "f8"),
         ("passed", "i8"),
     ],
-    align=True,
 )
 
 
@@ -165,23 +166,25 @@ class Parts(NamedTuple):
 
 # Addresses and sizes of the parts: passing thirty arrays would take longer than computing a millisecond of
 # motion. Keep the arrays alive as long as this.
-MEMORY = np.dtype(
-    [
-        (name, "i8")
-        for name in (
-            *Parts._fields,
-            "joints",
-            "number_of_thresholds",
-            "commands",
-            "speeds",
-            "fields",
-            "pairs",
-            "number_of_targets",
-            "words",
-        )
-    ],
-    align=True,
-)
+_POINTED = {name: "double" for name in Parts._fields} | {
+    "plant": "PLANT",
+    "axes": "AXIS",
+    "drives": "AXIS_PARAMETERS",
+    "screws": "SCREW",
+    "states": "AXIS_STATE",
+    "thresholds": "THRESHOLD",
+    "commanded": "int64_t",
+    "leads": "LEAD",
+    "joints_law": "JOINT",
+    "cut": "CUT",
+    "feeler": "FEELER",
+    "targets": "TARGET",
+    "supply": "SUPPLY",
+    "touching": "int64_t",
+    "kept": "int64_t",
+}
+_SIZES = "joints", "number_of_thresholds", "commands", "speeds", "fields", "pairs", "number_of_targets", "words"
+MEMORY = record("MEMORY", [(name, "i8") for name in (*Parts._fields, *_SIZES)], _POINTED)
 
 
 @intrinsic

@@ -16,13 +16,13 @@ the next a nut keeps its stretch, not its force: at 60 mm/s that is 2e-5 of what
 
 import math
 
-import numpy as np
-
 from isel_twin.base.compiling import njit
 from isel_twin.drives.screw import Screw
+from isel_twin.native import record
 
 # a screw, uneven or not
-SCREW = np.dtype(
+SCREW = record(
+    "SCREW",
     [
         ("start_m", "f8"),  # x_0
         ("travel_m_per_rad", "f8"),  # r
@@ -31,7 +31,6 @@ SCREW = np.dtype(
         ("free_m", "f8"),  # free length at joint position 0
         ("rod_n", "f8"),  # E A, inf: the same stiffness everywhere
     ],
-    align=True,
 )
 
 

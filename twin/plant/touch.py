@@ -27,9 +27,11 @@ from numpy.typing import NDArray
 from isel_twin.base.compiling import njit
 from isel_twin.machine import Machine, Probe
 from isel_twin.machine.fixture import CUTTER, Fixture
+from isel_twin.native import record
 from isel_twin.plant.collision import Collision
 
-FEELER = np.dtype(
+FEELER = record(
+    "FEELER",
     [
         ("on", "i8"),
         ("broken", "i8"),  # 1: it gave way too far; 2: and nobody has been told
@@ -47,11 +49,11 @@ FEELER = np.dtype(
         ("sum_n", "f8", (3,)),  # of this window
         ("mean_n", "f8", (3,)),  # in the window before
     ],
-    align=True,
 )
 BOX, CYLINDER, RING, PLANE = 0, 1, 2, 3
 _KINDS = {"box": BOX, "cylinder": CYLINDER, "ring": RING}
-TARGET = np.dtype(
+TARGET = record(
+    "TARGET",
     [
         ("kind", "i8"),
         ("x_m", "f8"),  # of its middle, in machine coordinates of the tool's point
@@ -63,7 +65,6 @@ TARGET = np.dtype(
         ("cosine", "f8"),
         ("sine", "f8"),
     ],
-    align=True,
 )
 FAR_M = 1.0
 NEWS = 2  # of `broken`
@@ -187,21 +188,21 @@ def targets(machine: Machine, table_mm: float, cutter_mm: float) -> NDArray[np.v
     radius of the cutter, whose end touches plates."""
     found = felt(machine)
     wider_m = 0.0 if isinstance(machine.feeler, Probe) else 1e-3 * cutter_mm
-    records = np.zeros(len(found), TARGET)
-    for record, one in zip(records, found, strict=True):
-        record["cosine"], record["z_m"] = 1.0, 1e-3 * table_mm
+    targets = np.zeros(len(found), TARGET)
+    for target, one in zip(targets, found, strict=True):
+        target["cosine"], target["z_m"] = 1.0, 1e-3 * table_mm
         if one is None:
-            record["kind"] = PLANE
+            target["kind"] = PLANE
             continue
-        record["kind"] = _KINDS[one.shape]
-        record["x_m"], record["y_m"] = 1e-3 * one.at_mm[0], 1e-3 * one.at_mm[1]
-        record["c_m"] = 0.5e-3 * one.size_mm[-1]
-        record["z_m"] -= 1e-3 * one.at_mm[2] + record["c_m"]
-        record["a_m"] = 0.5e-3 * one.size_mm[0] + wider_m
-        record["b_m"] = 0.5e-3 * one.size_mm[1] + wider_m
+        target["kind"] = _KINDS[one.shape]
+        target["x_m"], target["y_m"] = 1e-3 * one.at_mm[0], 1e-3 * one.at_mm[1]
+        target["c_m"] = 0.5e-3 * one.size_mm[-1]
+        target["z_m"] -= 1e-3 * one.at_mm[2] + target["c_m"]
+        target["a_m"] = 0.5e-3 * one.size_mm[0] + wider_m
+        target["b_m"] = 0.5e-3 * one.size_mm[1] + wider_m
         turn = math.radians(one.turn_deg)
-        record["cosine"], record["sine"] = math.cos(turn), math.sin(turn)
-    return records
+        target["cosine"], target["sine"] = math.cos(turn), math.sin(turn)
+    return targets
 
 
 def crash(machine: Machine, at: int, place_mm: NDArray[np.float64], time_ns: int, speed_mm_s: float) -> Collision:

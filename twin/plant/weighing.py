@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.compiling import contains, njit
 from isel_twin.machine import Axis, MachineError
-from isel_twin.plant import memory
-from isel_twin.plant.memory import AXES, parts_of
+from isel_twin.native import core
 from isel_twin.plant.prepared import Built
 
 # Largest MuJoCo step times the highest frequency (rad/s) of the machine on all its springs, nuts and structure. Above 2
@@ -28,37 +26,9 @@ def weigh(built: Built, data: mujoco.MjData) -> None:
     mujoco.mj_fullM(model, data, built.inertia)
     built.weight[:] = data.qfrc_bias
     built.mobility[:] = np.linalg.inv(built.inertia)
-    _spring(built.memory, built.mobility, model.jnt_stiffness, model.dof_damping)
+    core.spring(built.memory, built.mobility, model.jnt_stiffness, model.dof_damping)
     if built.parts.feeler["on"][0] or built.parts.cut["on"][0]:
         share_tip(built)
-
-
-@njit(nogil=True, error_model="numpy")
-def _spring(memory, mobility, stiffness, damping):
-    """Fill in masses at the nuts and springs: memory [1] MEMORY; mobility [nv, nv] of the joints; stiffness, damping
-    [nv]: of each, which has one coordinate."""
-    parts = parts_of(memory)
-    for i in range(AXES):
-        dof = parts.axes[i].dof
-        parts.axes[i].mobility_per_kg = mobility[dof, dof]
-        for j in range(mobility.shape[0]):
-            parts.springs[0, i, j] = -mobility[dof, j] * stiffness[j]
-            parts.springs[1, i, j] = -mobility[dof, j] * damping[j]
-
-
-@njit(nogil=True, error_model="numpy")
-def balance(memory, qpos, weight):
-    """Let nuts and carriages stand at rest at qpos [nv]: in the middle of the backlash or, pulled by weight [nv], on
-    the flank (plant/8)."""
-    parts = parts_of(memory)
-    for j in range(qpos.shape[0]):
-        parts.before[j] = parts.place[j] = qpos[j]
-    for i in range(AXES):
-        dof = parts.axes[i].dof
-        zero_m = qpos[dof]
-        if abs(weight[dof]) > LEAST_PULL_N:
-            zero_m += math.copysign(parts.drives[i].half_backlash_m, weight[dof])
-        parts.axes[i].zero_m = parts.screws[i].start_m = zero_m
 
 
 def share_tip(built: Built) -> None:
@@ -75,7 +45,7 @@ def check_steps(built: Built) -> None:
     stiffness = model.jnt_stiffness[model.dof_jntid]
     stiffness[built.dof] = [stiffest_n_per_m(axis) for axis in machine.axes]
     step_s = machine.timing.mujoco_step_ns * 1e-9
-    if _holds(built.inertia, stiffness, (LARGEST_STEP_RATIO / step_s) ** 2, np.empty_like(built.inertia)):
+    if core.holds(built.inertia, stiffness, (LARGEST_STEP_RATIO / step_s) ** 2, np.empty_like(built.inertia)):
         return
     highest_rad_s, strain = _highest(built.inertia, stiffness)
     if step_s * highest_rad_s <= LARGEST_STEP_RATIO:
@@ -99,24 +69,6 @@ def check_steps(built: Built) -> None:
     )
 
 
-@njit(nogil=True, error_model="numpy")
-def _holds(inertia, stiffness, highest_per_s2, scratch):
-    """Whether the squares of all frequencies of masses [n, n] on springs [n] are below the highest one: whether
-    highest * masses - springs is positive definite, by Cholesky's factors. scratch [n, n]."""
-    for i in range(stiffness.shape[0]):
-        for j in range(i + 1):
-            left = highest_per_s2 * inertia[i, j] - (stiffness[i] if i == j else 0.0)
-            for k in range(j):
-                left -= scratch[i, k] * scratch[j, k]
-            if i > j:
-                scratch[i, j] = left / scratch[j, j]
-            elif left > 0.0:
-                scratch[i, i] = math.sqrt(left)
-            else:
-                return False
-    return True
-
-
 def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
     """Highest frequency in rad/s of masses [nv, nv] on springs [nv], and the energy in each spring as it swings so."""
     half = np.linalg.inv(np.linalg.cholesky(inertia))
@@ -127,6 +79,3 @@ def _highest(inertia: NDArray[np.float64], stiffness: NDArray[np.float64]) -> tu
 def stiffest_n_per_m(axis: Axis) -> float:
     """Stiffness of the screw where its nut is nearest to the fixed bearing."""
     return axis.screw.stiffness_at(-1e-3 * axis.stop_margin_mm)
-
-
-contains(__name__, *memory.CONTAINED)

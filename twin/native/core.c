@@ -1,0 +1,6 @@
+/* The compiled core in one piece: all C of the twin, in the order of the signal chain. */
+#include "core.h"
+#include "exports.h"
+#include "records.h"
+
+#include "../plant/weighing.c"

@@ -1,0 +1,37 @@
+/* What all C of the core shares: how a function is marked for Python, and Python's meaning of a few operations. */
+#pragma once
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(_WIN32)
+#define API __declspec(dllexport)
+#else
+#define API __attribute__((visibility("default")))
+#endif
+#define TEXT API const char *const
+
+/* Arrays among the parameters of an API function (isel_twin.native): address and shape. */
+#define A1(T, name) T *name, int64_t name##_n
+#define A2(T, name) T *name, int64_t name##_rows, int64_t name##_columns
+#define R(T, name) T *name
+
+#define INLINE static inline __attribute__((always_inline))
+
+#define PI 3.141592653589793
+
+/* Python's min and max: the first of two that are equal, and of a number and nan. */
+INLINE double least(double a, double b) { return b < a ? b : a; }
+INLINE double most(double a, double b) { return b > a ? b : a; }
+INLINE int64_t least_of(int64_t a, int64_t b) { return b < a ? b : a; }
+INLINE int64_t most_of(int64_t a, int64_t b) { return b > a ? b : a; }
+
+/* Python's // and %: the quotient is rounded down. */
+INLINE int64_t floor_div(int64_t a, int64_t b) {
+    int64_t quotient = a / b;
+    return a % b != 0 && ((a % b < 0) != (b < 0)) ? quotient - 1 : quotient;
+}
+INLINE int64_t floor_mod(int64_t a, int64_t b) {
+    int64_t rest = a % b;
+    return rest != 0 && ((rest < 0) != (b < 0)) ? rest + b : rest;
+}

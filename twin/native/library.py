@@ -1,0 +1,169 @@
+"""The library as an object whose attributes are its functions; loaded when the first of them is asked for."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isel_twin.native import compiling
+
+FOLDER = Path(__file__).parent
+_NUMBERS = {"int64_t": ctypes.c_int64, "double": ctypes.c_double}
+_ELEMENTS = {
+    "int8_t": np.dtype(np.int8),
+    "uint8_t": np.dtype(np.uint8),
+    "int16_t": np.dtype(np.int16),
+    "int32_t": np.dtype(np.int32),
+    "int64_t": np.dtype(np.int64),
+    "double": np.dtype(np.float64),
+}
+_ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)\)")
+_POINTER = re.compile(r"(?:const )?\w+ \*(\w+)")
+_NUMBER = re.compile(r"(int64_t|double) (\w+)")
+
+RECORDS: dict[str, np.dtype[np.void]] = {}  # by the name of the C struct
+POINTED: dict[str, dict[str, str]] = {}  # of a record: C types of what its fields of addresses point to
+
+
+class CoreError(RuntimeError):
+    """The library is missing or is not that of this source; the message says what to do."""
+
+
+def record(name: str, fields: list[Any], pointed: dict[str, str] | None = None) -> np.dtype[np.void]:
+    """The dtype of a C struct of that name: of these fields, aligned. pointed: C types of what its fields of addresses
+    point to. records.h is written from these: `python -m isel_twin.native.records`."""
+    made = np.dtype(fields, align=True)
+    RECORDS[name], POINTED[name] = made, pointed or {}
+    return made
+
+
+def layout(dtype: np.dtype[np.void]) -> str:
+    """Names, types and places of the fields, as records.h has them."""
+    places = [
+        f"{name} {kind.str[1:] if kind.subdtype is None else kind} {at}"
+        for name, (kind, at, *_) in (dtype.fields or {}).items()
+    ]
+    return "; ".join([*places, str(dtype.itemsize)])
+
+
+def address(array: NDArray[Any]) -> int:
+    """Where the first element is. Keep the array as long as the address."""
+    return int(array.ctypes.data)
+
+
+class Core:
+    """The functions of the library, by name."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        made = _checked(self._function(name), name, _arguments(self.prototype(name)))
+        setattr(self, name, made)
+        return made
+
+    def prototype(self, name: str) -> str:
+        """The C prototype of a function. Raises CoreError if there is none."""
+        try:
+            return self._prototypes[name]
+        except KeyError:
+            raise CoreError(f"{self.path}: has no function {name}; {compiling.REMEDY}") from None
+
+    def raw(self, name: str) -> Any:
+        """A function that takes addresses and numbers as C does: after the address of an array come its dimensions."""
+        return self._function(name)
+
+    @functools.cached_property
+    def path(self) -> Path:
+        """The library of this source. Raises CoreError."""
+        try:
+            return compiling.library()
+        except compiling.BuildError as error:
+            raise CoreError(str(error)) from None
+
+    @functools.cached_property
+    def _library(self) -> ctypes.CDLL:
+        try:
+            return ctypes.CDLL(str(self.path))
+        except OSError as error:
+            raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
+
+    def text(self, name: str) -> str:
+        """A text that the library carries."""
+        return (ctypes.c_char_p.in_dll(self._library, name).value or b"").decode()
+
+    @functools.cached_property
+    def _prototypes(self) -> dict[str, str]:
+        return {line.split("(", 1)[0].split()[-1]: line for line in self.text("core_prototypes").splitlines()}
+
+    def _function(self, name: str) -> Any:
+        prototype = self.prototype(name)
+        made = self._library[name]
+        kind = prototype.split(None, 1)[0]
+        made.restype = None if kind == "void" else _NUMBERS[kind]
+        types: list[Any] = []
+        for argument in _arguments(prototype):
+            if array := _ARRAY.fullmatch(argument):
+                self._check(array[3])
+                types += [ctypes.c_void_p, *[ctypes.c_int64] * {"R": 0, "A1": 1, "A2": 2}[array[1]]]
+            elif number := _NUMBER.fullmatch(argument):
+                types.append(_NUMBERS[number[1]])
+            elif _POINTER.fullmatch(argument):
+                types.append(ctypes.c_void_p)
+            else:
+                raise CoreError(f"{self.path}: {prototype}: what is {argument}?")
+        made.argtypes = types
+        return made
+
+    def _check(self, element: str) -> None:
+        """Raise CoreError unless a record is laid out in C as here."""
+        if element in RECORDS and self.text(f"layout_{element}") != layout(RECORDS[element]):
+            raise CoreError(f"{self.path}: {element} is another record here; {compiling.REMEDY}")
+
+
+def _arguments(prototype: str) -> list[str]:
+    inner = prototype.split("(", 1)[1].rsplit(")", 1)[0].strip()
+    return [] if inner in ("", "void") else re.split(r", (?![^()]*\))", inner)
+
+
+def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
+    kinds: list[tuple[np.dtype[Any], int, bool] | None] = []
+    for argument in arguments:
+        array = _ARRAY.fullmatch(argument)
+        if array is None:
+            kinds.append(None)
+        else:
+            dtype = _ELEMENTS.get(array[3]) or RECORDS[array[3]]
+            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None))
+    count, buffer = len(kinds), ctypes.c_char.from_buffer
+
+    def call(*given: Any) -> Any:
+        if len(given) != count:
+            raise TypeError(f"{name}: takes {count} arguments, not {len(given)}: {', '.join(arguments)}")
+        flat: list[Any] = []
+        for kind, argument in zip(kinds, given, strict=True):
+            if kind is None:
+                flat.append(argument)
+                continue
+            dtype, dimensions, written = kind
+            flags = argument.flags
+            if argument.dtype != dtype or not flags.c_contiguous or (written and not flags.writeable):
+                raise TypeError(f"{name}: {arguments[kinds.index(kind)]}: got {argument.dtype}, {flags}")
+            if (dimensions and argument.ndim != dimensions) or not (dimensions or argument.size):
+                raise TypeError(f"{name}: {arguments[kinds.index(kind)]}: got an array of shape {argument.shape}")
+            if flags.writeable and argument.size:
+                flat.append(ctypes.byref(buffer(argument)))
+            else:
+                flat.append(argument.ctypes.data)
+            if dimensions:
+                flat.extend(argument.shape)
+        return function(*flat)
+
+    call.__name__ = name
+    return call
