@@ -1,7 +1,7 @@
 """Compile the core: `python twin/native/compiling.py`, by the compiler of the system or by ziglang.
 
-Stands alone: the build of a package runs it before anything is installed. core.c includes all other C. Generated here is
-exports.h: the texts of all prototypes marked `API`, and a digest of the sources by which a checkout notices that its
+Stands alone: the build of a package runs it before anything is installed. core.c includes all other C. Generated here
+is exports.h: the texts of all prototypes marked `API`, and a digest of the sources by which a checkout notices that its
 library is stale.
 
 No fused multiply-add and no other liberty of a compiler is allowed: the same bits on every machine.

@@ -1,6 +1,10 @@
-/* Written by `python -m isel_twin.native.records` from the records in Python. */
+/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */
 #pragma once
 #include <stddef.h>
+
+#define AXES 3
+#define KEPT 1
+#define SAME 2
 
 typedef struct {
     int64_t on;

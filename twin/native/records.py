@@ -1,4 +1,4 @@
-"""Write records.h, the C structs of all records: `python -m isel_twin.native.records`."""
+"""Write records.h, structs of all records and numbers that C shares with Python: `python -m isel_twin.native.records`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from pathlib import Path
 from isel_twin.native.library import POINTED, RECORDS, layout
 
 MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
+# numbers that C has by the same name
+NUMBERS = {
+    "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
+}
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 
@@ -16,11 +20,15 @@ def text() -> str:
     """The text of records.h: for each record its struct, its layout for Python and what holds for it in C."""
     for module in MODULES:
         importlib.import_module(module)
+    named = {
+        name: getattr(importlib.import_module(module), name) for module, names in NUMBERS.items() for name in names
+    }
     order = [name for name in RECORDS if not POINTED[name]] + [name for name in RECORDS if POINTED[name]]
     parts = [
-        "/* Written by `python -m isel_twin.native.records` from the records in Python. */\n"
+        "/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */\n"
         "#pragma once\n#include <stddef.h>\n"
     ]
+    parts.append("".join(f"#define {name} {number!r}\n" for name, number in named.items()))
     for name in order:
         dtype, pointed, fields, asserts = RECORDS[name], POINTED[name], [], []
         for field, (kind, at, *_) in (dtype.fields or {}).items():

@@ -3,7 +3,6 @@
 #include "../native/core.h"
 #include "../native/records.h"
 
-#define AXES 3 /* with mechanics */
 #define LEAST_PULL_N 0.5e-6 /* at a carriage; less is rounding */
 
 /* Fill in masses at the nuts and springs: mobility [nv, nv] of the joints; stiffness, damping [nv]: of each, which has
