@@ -1,4 +1,4 @@
-"""Write records.h, structs of all records and numbers that C shares with Python: `python -m isel_twin.native.records`."""
+"""Write records.h, structs and numbers that C shares with Python: `python -m isel_twin.native.records`."""
 
 from __future__ import annotations
 
