@@ -3,4 +3,6 @@
 #include "exports.h"
 #include "records.h"
 
+#include "cpu.c"
+#include "../drives/law.h"
 #include "../plant/weighing.c"

@@ -5,6 +5,14 @@
 #define AXES 3
 #define KEPT 1
 #define SAME 2
+#define STEPPER 0
+#define SERVO 1
+#define REST_RAD_S 1e-09
+#define OPEN 0
+#define PHASE_A 1
+#define PHASE_B 2
+#define BOTH 3
+#define SETTLED_RAD 1e-12
 
 typedef struct {
     int64_t on;
@@ -160,6 +168,56 @@ _Static_assert(offsetof(AXIS_PARAMETERS, connected) == 376, "connected");
 
 _Static_assert(sizeof(AXIS_PARAMETERS) == 384, "AXIS_PARAMETERS");
 
+#define AXIS_PARAMETERS_FIELDS \
+    FIELD_int64_t(kind) \
+    FIELD_double(microstep_rad) \
+    FIELD_double(phase_offset_rad) \
+    FIELD_double(stepped) \
+    FIELD_double(current_a) \
+    FIELD_double(drive_v) \
+    FIELD_double(return_v) \
+    FIELD_double(fast_share) \
+    FIELD_double(decay) \
+    FIELD_double(gain_a_per_v) \
+    FIELD_double(gain_v_per_a) \
+    FIELD_double(torque_constant_nm_per_a) \
+    FIELD_double(pole_pairs) \
+    FIELD_double(detent_torque_nm) \
+    FIELD_double(iron_nm_s_per_rad) \
+    FIELD_double(iron_knee_s_per_rad) \
+    FIELD_double(damping_gain) \
+    FIELD_double(smooth_share) \
+    FIELD_double(damping_share) \
+    FIELD_double(dt_s) \
+    FIELD_double(kick_rad_s_per_nm) \
+    FIELD_double(inertia_kgm2) \
+    FIELD_double(drag_nm_s_per_rad) \
+    FIELD_double(coulomb_nm) \
+    FIELD_double(stribeck_nm) \
+    FIELD_double(stribeck_rad_s) \
+    FIELD_double(travel_m_per_rad) \
+    FIELD_double(half_backlash_m) \
+    FIELD_double(stiffness_n_per_m) \
+    FIELD_double(damping_n_s_per_m) \
+    FIELD_double(forward_loss) \
+    FIELD_double(backward_loss) \
+    FIELD_double(plain) \
+    FIELD_double(step_error_rad) \
+    FIELD_double(current_offset) \
+    FIELD_double(increments_per_rad) \
+    FIELD_int64_t(loop_substeps) \
+    FIELD_double(position_gain_rad_s) \
+    FIELD_double(forward_rad_s) \
+    FIELD_double(speed_gain_a_s) \
+    FIELD_double(integral_share) \
+    FIELD_double(peak_a) \
+    FIELD_double(rated_a) \
+    FIELD_double(lag_limit) \
+    FIELD_double(window) \
+    FIELD_int64_t(window_substeps) \
+    FIELD_double(heat_share) \
+    FIELD_int64_t(connected)
+
 TEXT layout_AXIS_PARAMETERS = "kind i8 0; microstep_rad f8 8; phase_offset_rad f8 16; stepped f8 24; current_a f8 32; drive_v f8 40; return_v f8 48; fast_share f8 56; decay f8 64; gain_a_per_v f8 72; gain_v_per_a f8 80; torque_constant_nm_per_a f8 88; pole_pairs f8 96; detent_torque_nm f8 104; iron_nm_s_per_rad f8 112; iron_knee_s_per_rad f8 120; damping_gain f8 128; smooth_share f8 136; damping_share f8 144; dt_s f8 152; kick_rad_s_per_nm f8 160; inertia_kgm2 f8 168; drag_nm_s_per_rad f8 176; coulomb_nm f8 184; stribeck_nm f8 192; stribeck_rad_s f8 200; travel_m_per_rad f8 208; half_backlash_m f8 216; stiffness_n_per_m f8 224; damping_n_s_per_m f8 232; forward_loss f8 240; backward_loss f8 248; plain f8 256; step_error_rad f8 264; current_offset f8 272; increments_per_rad f8 280; loop_substeps i8 288; position_gain_rad_s f8 296; forward_rad_s f8 304; speed_gain_a_s f8 312; integral_share f8 320; peak_a f8 328; rated_a f8 336; lag_limit f8 344; window f8 352; window_substeps i8 360; heat_share f8 368; connected i8 376; 384";
 
 typedef struct {
@@ -218,6 +276,34 @@ _Static_assert(offsetof(AXIS_STATE, overloaded) == 192, "overloaded");
 _Static_assert(offsetof(AXIS_STATE, arrived) == 200, "arrived");
 
 _Static_assert(sizeof(AXIS_STATE) == 208, "AXIS_STATE");
+
+#define AXIS_STATE_FIELDS \
+    FIELD_double(theta_rad) \
+    FIELD_double(omega_rad_s) \
+    FIELD_double(current_a_a) \
+    FIELD_double(current_b_a) \
+    FIELD_double(command) \
+    FIELD_double(shape_a) \
+    FIELD_double(shape_b) \
+    FIELD_double(smooth_rad) \
+    FIELD_double(lag_rad) \
+    FIELD_double(torque_nm) \
+    FIELD_double(force_n) \
+    FIELD_int64_t(at_rest) \
+    FIELD_int64_t(on) \
+    FIELD_int64_t(fault) \
+    FIELD_int64_t(cause) \
+    FIELD_int64_t(faults) \
+    FIELD_int64_t(due) \
+    FIELD_double(shift) \
+    FIELD_double(error) \
+    FIELD_double(wanted_a) \
+    FIELD_double(integral_rad_s) \
+    FIELD_double(sampled) \
+    FIELD_double(voltage_v) \
+    FIELD_double(heat) \
+    FIELD_int64_t(overloaded) \
+    FIELD_int64_t(arrived)
 
 TEXT layout_AXIS_STATE = "theta_rad f8 0; omega_rad_s f8 8; current_a_a f8 16; current_b_a f8 24; command f8 32; shape_a f8 40; shape_b f8 48; smooth_rad f8 56; lag_rad f8 64; torque_nm f8 72; force_n f8 80; at_rest i8 88; on i8 96; fault i8 104; cause i8 112; faults i8 120; due i8 128; shift f8 136; error f8 144; wanted_a f8 152; integral_rad_s f8 160; sampled f8 168; voltage_v f8 176; heat f8 184; overloaded i8 192; arrived i8 200; 208";
 

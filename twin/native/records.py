@@ -11,7 +11,10 @@ MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.
 # numbers that C has by the same name
 NUMBERS = {
     "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S"),
+    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH", "SETTLED_RAD"),
 }
+WIDE = "AXIS_PARAMETERS", "AXIS_STATE"  # records that the law of drives has side by side (lanes.h)
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 
@@ -38,6 +41,11 @@ def text() -> str:
             asserts.append(f'_Static_assert(offsetof({name}, {field}) == {at}, "{field}");\n')
         parts.append(f"typedef struct {{\n{''.join(fields)}}} {name};\n{''.join(asserts)}")
         parts.append(f'_Static_assert(sizeof({name}) == {dtype.itemsize}, "{name}");\n')
+        if name in WIDE:
+            each = "".join(
+                f" \\\n    FIELD_{_TYPES[kind.str[1:]]}({field})" for field, (kind, *_) in (dtype.fields or {}).items()
+            )
+            parts.append(f"#define {name}_FIELDS{each}\n")
         parts.append(f'TEXT layout_{name} = "{layout(dtype)}";\n')
     return "\n".join(parts)
 
