@@ -3,4 +3,5 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../drives/drives.c"
 #include "../plant/weighing.c"

@@ -2,6 +2,15 @@
 #pragma once
 #include <stddef.h>
 
+#define OPEN 0
+#define PHASE_A 1
+#define PHASE_B 2
+#define BOTH 3
+#define LAG_FAULT 1
+#define VOLTAGE_FAULT 2
+#define I2T_BACK 0.9
+#define STEPPER 0
+#define SERVO 1
 #define AXES 3
 #define KEPT 1
 #define SAME 2
