@@ -5,3 +5,6 @@
 
 #include "../drives/drives.c"
 #include "../plant/weighing.c"
+#include "../plant/glide.c"
+#include "../plant/touch.c"
+#include "../plant/kernel.c"

@@ -11,9 +11,24 @@
 #define I2T_BACK 0.9
 #define STEPPER 0
 #define SERVO 1
+#define SPEED_STEP_RAD_S 2.0
+#define SPEEDS 256
 #define AXES 3
+#define SAMPLES 2048
+#define FAR_M 1000.0
+#define NEVER 9223372036854775807
 #define KEPT 1
 #define SAME 2
+#define APART 0
+#define FRESH 2
+#define PARTED_MM 0.5
+#define POSITION 0
+#define LAG 1
+#define TOUCH 3
+#define BOX 0
+#define RING 2
+#define PLANE 3
+#define NEWS 2
 
 typedef struct {
     int64_t on;
