@@ -79,7 +79,8 @@ class MujocoPlant(LoopSamples):
         self.data = built.data
         self.parts = built.parts
         self._memory = built.memory
-        self._loop, self._at = core.raw("advance"), address(built.memory)
+        self._loop, self._loop_alone = core.raw("advance"), core.raw("advance_alone")
+        self._at = address(built.memory)
         self.time_ns = 0
         self.edge = False
         self._altered = Alterations(built)
@@ -178,8 +179,8 @@ class MujocoPlant(LoopSamples):
             ticks = address(t_ns), len(t_ns), address(changes), changes.shape[1]
             leads = address(early_lead_ns), len(early_lead_ns), int(lead_ns)
             made = self._loop(self._at, int(until_ns), *ticks, *leads)
-        else:  # whose addresses would cost as much as the call
-            self._loop(self._at, int(until_ns), None, 0, None, 0, None, 0, 0)
+        else:
+            self._loop_alone(self._at, int(until_ns))
         self.time_ns = words.item(_NOW) * self._substep_ns
         self.edge = words.item(_EDGE) != 0
         if words.item(_LOST_DOF) >= 0:
