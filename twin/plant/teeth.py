@@ -7,6 +7,7 @@ part: so the mean over a turn is the integral, however coarsely sub-steps divide
 import math
 
 from isel_twin.base.compiling import njit
+from isel_twin.drives.trigonometry import sine_and_cosine
 
 LEAST_M_S = 1e-6  # feed below which a tooth rubs and takes no chip
 
@@ -33,7 +34,7 @@ def bite(cut, now, x_m_s, y_m_s):
         low, high = max(phi - half_rad, cut.enter_rad), min(phi + half_rad, cut.leave_rad)
         if low < high:
             share, middle = 0.5 * (high - low) / half_rad, 0.5 * (low + high)
-            sine, cosine = math.sin(middle), math.cos(middle)
+            sine, cosine = sine_and_cosine(middle)
             tangential_n = cut.n_per_m * min(speed, cut.most_m_s) * cut.tooth_s * sine
             if cut.m != 0.0 and tangential_n > 0.0:
                 tangential_n *= (1e3 * min(speed, cut.most_m_s) * cut.tooth_s * sine) ** -cut.m

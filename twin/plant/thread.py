@@ -18,8 +18,10 @@ import math
 
 import numpy as np
 
-from isel_twin.base.compiling import njit
+from isel_twin.base.compiling import contains, njit
+from isel_twin.drives import trigonometry
 from isel_twin.drives.screw import Screw
+from isel_twin.drives.trigonometry import sine_and_cosine
 
 # a screw, uneven or not
 SCREW = np.dtype(
@@ -49,9 +51,14 @@ def feel(screws, axes, drives, states):
         place_m = screw.start_m + screw.travel_m_per_rad * theta_rad
         if screw.cyclic_m != 0.0:
             turn_rad = screw.start_m / screw.travel_m_per_rad
-            nut_m = place_m + screw.cyclic_m * (math.sin(theta_rad + turn_rad) - math.sin(turn_rad))
-            drive.travel_m_per_rad = screw.travel_m_per_rad + screw.cyclic_m * math.cos(theta_rad + turn_rad)
+            sine, cosine = sine_and_cosine(theta_rad + turn_rad)
+            start_sine, _ = sine_and_cosine(turn_rad)
+            nut_m = place_m + screw.cyclic_m * (sine - start_sine)
+            drive.travel_m_per_rad = screw.travel_m_per_rad + screw.cyclic_m * cosine
             axes[i].zero_m = nut_m - drive.travel_m_per_rad * theta_rad
         if screw.rod_n < math.inf:
             free_m = max(0.0, place_m + screw.free_m)
             drive.stiffness_n_per_m = 1.0 / (screw.soft_m_per_n + free_m / screw.rod_n)
+
+
+contains(__name__, trigonometry.__file__)
