@@ -1,4 +1,5 @@
-/* The law of a stepper drive for one axis and, side by side, for four: the same text, with other types (lanes.h). */
+/* The law of a stepper drive and its carriage for one axis and, side by side, for four: the same text, with other types
+   (lanes.h). */
 #pragma once
 #include "../native/lanes.h"
 #include "../native/records.h"
@@ -15,6 +16,7 @@
 #include "trigonometry.h"
 #include "shaft.h"
 #include "stepper.h"
+#include "../plant/carriage.h"
 #undef V
 #undef M
 #undef OF
@@ -42,12 +44,16 @@ typedef struct {
 } AXIS_PARAMETERS_4;
 typedef struct {
     AXIS_STATE_FIELDS
+} AXIS_STATE_4;
+typedef struct {
+    AXIS_FIELDS
 #undef FIELD_double
 #undef FIELD_int64_t
-} AXIS_STATE_4;
+} AXIS_4;
 #include "trigonometry.h"
 #include "shaft.h"
 #include "stepper.h"
+#include "../plant/carriage.h"
 #undef V
 #undef M
 #undef OF

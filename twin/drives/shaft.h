@@ -13,7 +13,7 @@
 
        th --drift--> torque of the motor --turn: kick, drift--> th'
 
-   Text of law.h, for each width. */
+   The fields of AXIS_PARAMETERS and AXIS_STATE are explained in shaft.py. Text of law.h, for each width. */
 
 /* What a motor does in a sub-step: torque of motor and load without the nut in N m, its part linear in the speed in
    N m s/rad, and 1 if nothing in the drive has changed. */
@@ -57,3 +57,9 @@ INLINE V OF(turn)(
     s->at_rest = motor.steady & (ABS(omega) <= REST_RAD_S) & (ABS(omega_new) <= REST_RAD_S) & 1;
     return s->force_n;
 }
+
+#if LANES == 1
+/* 1 if the last sub-step changed neither angle nor currents. With the same arguments further ones change nothing either
+   (with friction, not a bit): time may be skipped until an argument changes. */
+INLINE int at_rest(const AXIS_STATE *s) { return s->at_rest != 0; }
+#endif

@@ -22,30 +22,31 @@
        |-----------|          pulses within the sub-step act in it by the time mean of the command:
        __|``````````          a pulse after 0.2 dt moves the mean by 0.8 microsteps
 
-   Text of law.h, for each width. */
+   The constants come from `axis_parameters` (dynamics.py); `follow` in drives.c shows how the sub-step is used. Text of
+   law.h, for each width. */
 
 #if LANES == 1
 /* The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between. The counter stands on
    multiples of pi/4 (half step), or odd ones (full step, drives/6); between them is the time mean of the wanted current
    in a sub-step with a pulse in it. */
 INLINE double corner(double angle_rad) {
-    double wrapped = angle_rad - 2.0 * PI * (double)(int64_t)floor(angle_rad / (2.0 * PI) + 0.5);
+    double wrapped = angle_rad - 2.0 * PI * floor(angle_rad / (2.0 * PI) + 0.5);
     return least(1.0, most(-1.0, 2.0 - fabs(wrapped) * (4.0 / PI)));
 }
 
 /* Wanted currents at an electrical angle, of a stage that is stepped or has errors: turned and shifted by these. */
-static void faulty_shape(const AXIS_PARAMETERS *p, double phi, double *shape_a, double *shape_b) {
-    double a, b, turned;
+INLINE void faulty_shape(const AXIS_PARAMETERS *p, double phi, double *shape_a, double *shape_b) {
+    double a, b, error, sine, cosine;
     if (p->stepped != 0.0) {
         a = corner(phi), b = corner(phi - 0.5 * PI);
-        turned = sin(phi - p->phase_offset_rad);
+        sine_and_cosine(phi - p->phase_offset_rad, &error, &cosine);
     } else {
         sine_and_cosine(phi, &b, &a);
-        turned = b;
+        error = b;
     }
     if (p->step_error_rad != 0.0) {
-        double sine, cosine, straight = a;
-        sine_and_cosine(p->step_error_rad * turned, &sine, &cosine);
+        double straight = a;
+        sine_and_cosine(p->step_error_rad * error, &sine, &cosine);
         a = straight * cosine - b * sine, b = b * cosine + straight * sine;
     }
     *shape_a = a;

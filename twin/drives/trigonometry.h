@@ -9,7 +9,8 @@
             cos x     cos r   -sin r   -cos r    sin r
 
    Coefficients: fdlibm (Sun Microsystems, 1993, freely granted), k_sin.c and k_cos.c, errors below 2^-58. The result is
-   within 2^-52 of the truth, and below FAR_RAD does not depend on the machine's mathematical library.
+   within 2^-52 of the truth, and below FAR_RAD does not depend on the machine's mathematical library: so every sine of a
+   sub-step is this one (drives/18).
 
    Text of law.h, for each width. */
 

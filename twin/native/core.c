@@ -4,5 +4,8 @@
 #include "records.h"
 
 #include "cpu.c"
-#include "../drives/law.h"
+#include "../drives/drives.c"
 #include "../plant/weighing.c"
+#include "../plant/glide.c"
+#include "../plant/touch.c"
+#include "../plant/kernel.c"

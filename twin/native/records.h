@@ -2,17 +2,35 @@
 #pragma once
 #include <stddef.h>
 
-#define AXES 3
-#define KEPT 1
-#define SAME 2
-#define STEPPER 0
-#define SERVO 1
-#define REST_RAD_S 1e-09
 #define OPEN 0
 #define PHASE_A 1
 #define PHASE_B 2
 #define BOTH 3
 #define SETTLED_RAD 1e-12
+#define LAG_FAULT 1
+#define VOLTAGE_FAULT 2
+#define I2T_BACK 0.9
+#define STEPPER 0
+#define SERVO 1
+#define REST_RAD_S 1e-09
+#define SPEED_STEP_RAD_S 2.0
+#define SPEEDS 256
+#define AXES 3
+#define SAMPLES 2048
+#define FAR_M 1000.0
+#define NEVER 9223372036854775807
+#define KEPT 1
+#define SAME 2
+#define APART 0
+#define FRESH 2
+#define PARTED_MM 0.5
+#define POSITION 0
+#define LAG 1
+#define TOUCH 3
+#define BOX 0
+#define RING 2
+#define PLANE 3
+#define NEWS 2
 
 typedef struct {
     int64_t on;
@@ -610,6 +628,43 @@ _Static_assert(offsetof(AXIS, free_low_m) == 264, "free_low_m");
 _Static_assert(offsetof(AXIS, free_high_m) == 272, "free_high_m");
 
 _Static_assert(sizeof(AXIS) == 280, "AXIS");
+
+#define AXIS_FIELDS \
+    FIELD_int64_t(dof) \
+    FIELD_double(zero_m) \
+    FIELD_double(mobility_per_kg) \
+    FIELD_double(x_m) \
+    FIELD_double(v_m_s) \
+    FIELD_double(rest_m_s2) \
+    FIELD_double(friction_n) \
+    FIELD_double(held) \
+    FIELD_double(sum_n) \
+    FIELD_double(mean_n) \
+    FIELD_double(sum_nut_n) \
+    FIELD_double(mean_nut_n) \
+    FIELD_double(push_n) \
+    FIELD_int64_t(phases) \
+    FIELD_double(fraction) \
+    FIELD_double(idle_fraction) \
+    FIELD_int64_t(idle_delay) \
+    FIELD_int64_t(lowering) \
+    FIELD_int64_t(still_since) \
+    FIELD_double(steps_per_rad) \
+    FIELD_double(full_steps) \
+    FIELD_double(sum_nm) \
+    FIELD_double(mean_nm) \
+    FIELD_double(margin) \
+    FIELD_double(untaken) \
+    FIELD_double(turning_rad_s) \
+    FIELD_double(fastest_rad_s) \
+    FIELD_int64_t(fault) \
+    FIELD_double(command) \
+    FIELD_double(resistance_ohm) \
+    FIELD_double(inductance_h) \
+    FIELD_double(own_w) \
+    FIELD_double(supply_factor) \
+    FIELD_double(free_low_m) \
+    FIELD_double(free_high_m)
 
 TEXT layout_AXIS = "dof i8 0; zero_m f8 8; mobility_per_kg f8 16; x_m f8 24; v_m_s f8 32; rest_m_s2 f8 40; friction_n f8 48; held f8 56; sum_n f8 64; mean_n f8 72; sum_nut_n f8 80; mean_nut_n f8 88; push_n f8 96; phases i8 104; fraction f8 112; idle_fraction f8 120; idle_delay i8 128; lowering i8 136; still_since i8 144; steps_per_rad f8 152; full_steps f8 160; sum_nm f8 168; mean_nm f8 176; margin f8 184; untaken f8 192; turning_rad_s f8 200; fastest_rad_s f8 208; fault i8 216; command f8 224; resistance_ohm f8 232; inductance_h f8 240; own_w f8 248; supply_factor f8 256; free_low_m f8 264; free_high_m f8 272; 280";
 

@@ -10,11 +10,17 @@ from isel_twin.native.library import POINTED, RECORDS, layout
 MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
 # numbers that C has by the same name
 NUMBERS = {
-    "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
-    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S"),
     "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH", "SETTLED_RAD"),
+    "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
+    "isel_twin.drives.servo_drive": ("I2T_BACK",),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S"),
+    "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
+    "isel_twin.plant.memory": (
+        "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
+    ),
+    "isel_twin.plant.touch": ("BOX", "RING", "PLANE", "NEWS"),
 }
-WIDE = "AXIS_PARAMETERS", "AXIS_STATE"  # records that the law of drives has side by side (lanes.h)
+WIDE = "AXIS_PARAMETERS", "AXIS_STATE", "AXIS"  # records that the law of drives has side by side (lanes.h)
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 
