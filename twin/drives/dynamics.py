@@ -107,7 +107,7 @@ def _shape(p, s, phi):
     """Wanted currents at an electrical angle, turned and shifted by the stage's errors."""
     if p.stepped != 0.0:
         shape_a, shape_b = _corner(phi), _corner(phi - 0.5 * math.pi)
-        turn = math.sin(phi - p.phase_offset_rad)
+        turn, _ = sine_and_cosine(phi - p.phase_offset_rad)
     else:
         shape_b, shape_a = sine_and_cosine(phi)
         turn = shape_b
@@ -180,8 +180,7 @@ def stepper_torque(p, s, command, phases, current_fraction, load_torque_nm):
         s.command = command
         phi += p.damping_gain * swing
         if p.plain != 0.0:
-            s.shape_a = math.cos(phi)
-            s.shape_b = math.sin(phi)
+            s.shape_b, s.shape_a = sine_and_cosine(phi)
         else:
             _shape(p, s, phi)
     elif command != s.command:
