@@ -3,5 +3,7 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../drives/curves.c"
 #include "../drives/drives.c"
+#include "../drives/stability.c"
 #include "../plant/weighing.c"

@@ -11,6 +11,7 @@
 #define I2T_BACK 0.9
 #define STEPPER 0
 #define SERVO 1
+#define STATES 6
 #define AXES 3
 #define KEPT 1
 #define SAME 2
