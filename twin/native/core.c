@@ -3,7 +3,9 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../drives/curves.c"
 #include "../drives/drives.c"
+#include "../drives/stability.c"
 #include "../plant/weighing.c"
 #include "../plant/glide.c"
 #include "../plant/touch.c"
