@@ -11,6 +11,7 @@
 #define I2T_BACK 0.9
 #define STEPPER 0
 #define SERVO 1
+#define STATES 6
 #define SPEED_STEP_RAD_S 2.0
 #define SPEEDS 256
 #define AXES 3
