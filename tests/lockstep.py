@@ -9,7 +9,7 @@ names. `#` begins the session or test. So one build writes a log, the other anot
 where to look. Values of a call go to a file: LOCKSTEP_AT=NUMBER LOCKSTEP_VALUES=FILE.npz
 
 It sees what the plant has in Python (`MujocoPlant.parts`), whatever the loop is written in; loops of others that
-advance a plant by its memory (envs) are not seen.
+advance a plant by its memory (envs) are not seen, nor is what other threads do, which has no order.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import os
 import sys
+import threading
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -76,7 +77,7 @@ def _logged(method: Callable[..., Any], log: Log) -> Callable[..., Any]:
         try:
             return method(plant, *arguments, **keywords)
         finally:
-            if hasattr(plant, "parts"):
+            if hasattr(plant, "parts") and threading.current_thread() is threading.main_thread():
                 log.called(plant, method.__name__)
 
     return call

@@ -1,8 +1,7 @@
-/* What Python asks of the drives: single sub-steps and runs of them. */
+/* Sub-steps of one drive for Python, one by one and along a command. */
 #pragma once
+#include "law.h"
 #include "servo.h"
-#include "law.h"
-#include "law.h"
 
 /* Advance a stepper drive by one sub-step; return the force on the nut in N (mean over the sub-step).
 
@@ -11,18 +10,31 @@
    Others: `stepper_torque`. */
 API double step_axis(R(const AXIS_PARAMETERS, p), R(AXIS_STATE, s), double command, int64_t phases,
                      double current_fraction, double nut_position_m, double nut_velocity_m_s, double load_torque_nm) {
-    TORQUE torque = stepper_torque(p, s, command, phases, current_fraction, load_torque_nm);
-    return turn(p, s, torque.torque_nm, torque.drag, nut_position_m, nut_velocity_m_s, torque.steady);
+    TORQUE motor = stepper_torque(p, s, command, phases, current_fraction, load_torque_nm);
+    return turn(p, s, motor, nut_position_m, nut_velocity_m_s);
 }
 
-/* The same for a servo drive: command in increments, phases OPEN or not. */
+/* The same for a servo drive: `servo_torque`. */
 API double step_servo(R(const AXIS_PARAMETERS, p), R(AXIS_STATE, s), double command, int64_t phases,
                       double nut_position_m, double nut_velocity_m_s, double load_torque_nm) {
-    TORQUE torque = servo_torque(p, s, command, phases);
-    return turn(p, s, torque.torque_nm - load_torque_nm, torque.drag, nut_position_m, nut_velocity_m_s, torque.steady);
+    TORQUE motor = servo_torque(p, s, command, phases);
+    motor.torque_nm -= load_torque_nm;
+    return turn(p, s, motor, nut_position_m, nut_velocity_m_s);
 }
 
 /* `cool`. */
 API double cooled(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, s), int64_t substeps) {
     return cool(p, s, substeps);
+}
+
+/* `follow` of curves.py. */
+API int64_t follow_command(R(const AXIS_PARAMETERS, p), R(AXIS_STATE, s), A1(const double, command),
+                           A1(const double, load_torque_nm), double limit) {
+    int64_t n = least_of(command_n, load_torque_nm_n);
+    for (int64_t k = 0; k < n; k++) {
+        step_axis(p, s, command[k], BOTH, 1.0, 0.0, 0.0, load_torque_nm[k]);
+        if (fabs(command[k] - s->theta_rad * p->pole_pairs / p->microstep_rad) > limit)
+            return k;
+    }
+    return n;
 }

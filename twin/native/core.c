@@ -4,7 +4,9 @@
 #include "records.h"
 
 #include "cpu.c"
+#include "../drives/curves.c"
 #include "../drives/drives.c"
+#include "../drives/stability.c"
 #include "../plant/weighing.c"
 #include "../plant/glide.c"
 #include "../plant/touch.c"

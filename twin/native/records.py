@@ -13,7 +13,8 @@ NUMBERS = {
     "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH", "SETTLED_RAD"),
     "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
     "isel_twin.drives.servo_drive": ("I2T_BACK",),
-    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S"),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S",),
+    "isel_twin.drives.stability": ("STATES",),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
     "isel_twin.plant.memory": (
         "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",

@@ -51,9 +51,3 @@ API int64_t agrees(A1(JOINT, joints), A2(const double, mobility), double h_s, in
     }
     return 1;
 }
-
-/* `glide` of arrays in Python. */
-API int64_t glide_once(A1(JOINT, joints), A2(const double, mobility), double h_s, A1(double, qpos), A1(double, qvel),
-                       A1(double, qacc), A1(double, qacc_smooth), A1(const double, qfrc)) {
-    return glide(joints, mobility, joints_n, h_s, qpos, qvel, qacc, qacc_smooth, qfrc);
-}
