@@ -195,7 +195,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     """Predicted pull-out torque in Nm (second closed form), 0 or more."""
-    found: float = pull_out_predictions(motor, stage, np.array([speed_rpm])).item()
+    found: float = pull_out_predictions(motor, stage, np.array([speed_rpm], np.float64)).item()
     return found
 
 

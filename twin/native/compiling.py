@@ -21,6 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+CORE = HERE / "core.c"
 TREE = HERE.parent.parent  # of a checkout or source archive
 FLAGS = (
     "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-fPIC", "-shared",
@@ -38,7 +39,7 @@ class BuildError(RuntimeError):
 
 def sources() -> list[Path]:
     """All C files of a checkout; none in an installed package."""
-    if not (HERE / "core.c").exists() or not (TREE / "pyproject.toml").exists():
+    if not CORE.exists() or not (TREE / "pyproject.toml").exists():
         return []
     folders = TREE / "twin", TREE / "envs"
     return sorted(path for folder in folders for path in folder.rglob("*.[ch]") if path.name != "exports.h")
@@ -52,11 +53,11 @@ def digest(files: list[Path]) -> str:
     return found.hexdigest()
 
 
-def exports(files: list[Path]) -> str:
-    """The text of exports.h."""
+def exports(files: list[Path], made_of: list[Path]) -> str:
+    """The text of exports.h, with the prototypes in files."""
     prototypes = [" ".join(match.split()) for path in files for match in _PROTOTYPE.findall(path.read_text("utf-8"))]
     lines = "".join(f'    "{prototype}\\n"\n' for prototype in prototypes)
-    return f'TEXT core_prototypes =\n{lines};\nTEXT core_source = "core_source={digest(files)}";\n'
+    return f'TEXT core_prototypes =\n{lines};\nTEXT core_source = "core_source={digest(made_of)}";\n'
 
 
 def compilers() -> list[list[str]]:
@@ -69,9 +70,12 @@ def compilers() -> list[list[str]]:
     return found
 
 
-def build(target: Path | None = None, compiler: list[str] | None = None, extra: tuple[str, ...] = ()) -> Path:
-    """Compile the library, by default beside this file. extra: further flags. Raises BuildError with one line."""
-    files, target = sources(), target or HERE / f"core{SUFFIX}"
+def build(
+    target: Path | None = None, compiler: list[str] | None = None, extra: tuple[str, ...] = (), source: Path = CORE
+) -> Path:
+    """Compile the library, by default beside its source. extra: further flags; source: another C file than core.c, with
+    its own functions. Raises BuildError with one line."""
+    files, target = sources(), target or source.with_suffix(SUFFIX)
     if not files:
         raise BuildError(f"{HERE}: has no C sources; install isel-twin anew")
     commands = [compiler] if compiler else compilers()
@@ -79,12 +83,12 @@ def build(target: Path | None = None, compiler: list[str] | None = None, extra: 
         raise BuildError("no C compiler is here; `pip install ziglang` brings one, or install gcc or clang")
     machine = X86_64 if platform.machine().lower() in ("x86_64", "amd64") else ()
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=".core-") as folder:
-        (Path(folder) / "exports.h").write_text(exports(files), "utf-8")
+        (Path(folder) / "exports.h").write_text(exports(*_parts(source)), "utf-8")
         made = Path(folder) / target.name
         for command in commands:
             zig = "ziglang" in command
             arch = [flag.replace("x86-64-v2", "x86_64_v2") if zig else flag for flag in machine]
-            line = [*command, *FLAGS, *arch, *extra, f"-I{folder}", str(HERE / "core.c"), "-o", str(made), "-lm"]
+            line = [*command, *FLAGS, *arch, *extra, f"-I{folder}", str(source), "-o", str(made), "-lm"]
             done = subprocess.run(line, capture_output=True, text=True)
             if done.returncode == 0:
                 os.replace(made, target)
@@ -92,11 +96,17 @@ def build(target: Path | None = None, compiler: list[str] | None = None, extra: 
     raise BuildError(f"{' '.join(command)}: {done.stderr.strip()[-2000:]}")
 
 
-def library() -> Path:
-    """The library beside this file; in a checkout whose C has changed it is built anew. Raises BuildError."""
-    path, files = HERE / f"core{SUFFIX}", sources()
-    if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):
-        return build(path)
+def _parts(source: Path) -> tuple[list[Path], list[Path]]:
+    """Files with the functions of a library, and all that it is made of."""
+    files = sources()
+    return (files, files) if source == CORE else ([source], [source, *files])
+
+
+def library(source: Path = CORE) -> Path:
+    """The library beside its source; in a checkout whose C has changed it is built anew. Raises BuildError."""
+    path, (files, made_of) = source.with_suffix(SUFFIX), _parts(source)
+    if files and (not path.exists() or f"core_source={digest(made_of)}".encode() not in path.read_bytes()):
+        return build(path, source=source)
     if not path.exists():
         raise BuildError(f"{path}: is missing; install isel-twin anew")
     return path

@@ -59,7 +59,10 @@ def address(array: NDArray[Any]) -> int:
 
 
 class Core:
-    """The functions of the library, by name."""
+    """The functions of the library, by name; or of that of another C file than core.c."""
+
+    def __init__(self, source: Path = compiling.CORE) -> None:
+        self._source = source
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -83,7 +86,7 @@ class Core:
     def path(self) -> Path:
         """The library of this source. Raises CoreError."""
         try:
-            return compiling.library()
+            return compiling.library(self._source)
         except compiling.BuildError as error:
             raise CoreError(str(error)) from None
 
