@@ -15,6 +15,10 @@
 
    The fields of AXIS_PARAMETERS and AXIS_STATE are explained in shaft.py. Text of law.h, for each width. */
 
+#if LANES == 1
+#define REST_RAD_S 1e-9 /* shaft speed below which a drive counts as at rest (friction brings it to exactly 0) */
+#endif
+
 /* What a motor does in a sub-step: torque of motor and load without the nut in N m, its part linear in the speed in
    N m s/rad, and 1 if nothing in the drive has changed. */
 typedef struct {

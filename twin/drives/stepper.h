@@ -26,6 +26,8 @@
    law.h, for each width. */
 
 #if LANES == 1
+#define SETTLED_RAD 1e-12 /* electrical load-angle swing below which damping does nothing, so a drive comes to rest */
+
 /* The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between. The counter stands on
    multiples of pi/4 (half step), or odd ones (full step, drives/6); between them is the time mean of the wanted current
    in a sub-step with a pulse in it. */

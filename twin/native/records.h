@@ -6,17 +6,12 @@
 #define PHASE_A 1
 #define PHASE_B 2
 #define BOTH 3
-#define SETTLED_RAD 1e-12
 #define LAG_FAULT 1
 #define VOLTAGE_FAULT 2
 #define I2T_BACK 0.9
 #define STEPPER 0
 #define SERVO 1
-<<<<<<< HEAD
-#define REST_RAD_S 1e-09
-=======
 #define STATES 6
->>>>>>> ck
 #define SPEED_STEP_RAD_S 2.0
 #define SPEEDS 256
 #define AXES 3

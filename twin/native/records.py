@@ -10,10 +10,10 @@ from isel_twin.native.library import POINTED, RECORDS, layout
 MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
 # numbers that C has by the same name
 NUMBERS = {
-    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH", "SETTLED_RAD"),
+    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH"),
     "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
     "isel_twin.drives.servo_drive": ("I2T_BACK",),
-    "isel_twin.drives.shaft": ("STEPPER", "SERVO", "REST_RAD_S",),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
     "isel_twin.drives.stability": ("STATES",),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
     "isel_twin.plant.memory": (
