@@ -28,6 +28,7 @@
 #undef LANES
 
 #if WIDE
+WIDE_BEGIN
 #define V V4
 #define M M4
 #define OF(name) name##_4
@@ -54,6 +55,7 @@ typedef struct {
 #include "shaft.h"
 #include "stepper.h"
 #include "../plant/carriage.h"
+WIDE_END
 #undef V
 #undef M
 #undef OF

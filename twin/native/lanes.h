@@ -15,14 +15,24 @@ INLINE int64_t bits_1(double a) {
     return bits;
 }
 
-#if defined(__AVX2__)
+/* Functions between these are made for processors with AVX2, whatever the rest is made for. `abreast` asks for them. */
+#if defined(__x86_64__)
 #define WIDE 1
+#if defined(__clang__)
+#define WIDE_BEGIN _Pragma("clang attribute push(__attribute__((target(\"avx2\"))), apply_to = function)")
+#define WIDE_END _Pragma("clang attribute pop")
+#else
+#define WIDE_BEGIN _Pragma("GCC push_options") _Pragma("GCC target(\"avx2\")")
+#define WIDE_END _Pragma("GCC pop_options")
+#endif
 typedef double V4 __attribute__((vector_size(32)));
 typedef int64_t M4 __attribute__((vector_size(32)));
+WIDE_BEGIN
 INLINE V4 sel_4(M4 mask, V4 a, V4 b) { return (V4)(((M4)a & mask) | ((M4)b & ~mask)); }
 INLINE int any_4(M4 mask) { return (mask[0] | mask[1] | mask[2] | mask[3]) != 0; }
 INLINE V4 magnitude_4(V4 a) { return (V4)((M4)a & INT64_MAX); }
 INLINE M4 bits_4(V4 a) { return (M4)a; }
+WIDE_END
 #else
 #define WIDE 0
 #endif

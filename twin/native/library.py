@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -93,9 +94,12 @@ class Core:
     @functools.cached_property
     def _library(self) -> ctypes.CDLL:
         try:
-            return ctypes.CDLL(str(self.path))
+            found = ctypes.CDLL(str(self.path))
         except OSError as error:
             raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
+        self.abreast = bool(found.has_avx2()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
+        ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
+        return found
 
     def text(self, name: str) -> str:
         """A text that the library carries."""

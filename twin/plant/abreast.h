@@ -4,7 +4,19 @@
 #pragma once
 #include "../drives/law.h"
 
+/* Set when the library is loaded (isel_twin.native): 1 if the processor has AVX2. */
+API int64_t core_abreast = 0;
+
 #if WIDE
+/* 1 if the next sub-step can be made with all axes abreast. */
+INLINE int can_go_abreast(const MEMORY *memory) {
+    int steppers = core_abreast != 0;
+    for (int i = 0; i < AXES; i++)
+        steppers &= memory->drives[i].kind == STEPPER;
+    return steppers && !memory->cut->on && !memory->feeler->on && !memory->supply->on;
+}
+
+WIDE_BEGIN
 typedef struct {
     AXIS_PARAMETERS_4 drive;
     AXIS_STATE_4 state;
@@ -15,13 +27,6 @@ typedef struct {
 #define LANE_OF(records, lane) records[(lane) < AXES ? (lane) : AXES - 1]
 #define ROW(records, name) {LANE_OF(records, 0).name, LANE_OF(records, 1).name, LANE_OF(records, 2).name, \
                             LANE_OF(records, 3).name}
-
-INLINE int can_go_abreast(const MEMORY *memory) {
-    int steppers = 1;
-    for (int i = 0; i < AXES; i++)
-        steppers &= memory->drives[i].kind == STEPPER;
-    return steppers && !memory->cut->on && !memory->feeler->on && !memory->supply->on;
-}
 
 INLINE void take_drives(ABREAST *abreast, const MEMORY *memory) {
 #define FIELD_double(name) abreast->drive.name = (V4)ROW(memory->drives, name);
@@ -77,4 +82,5 @@ INLINE void step_abreast(ABREAST *abreast, const MEMORY *memory, double dt_s) {
     V4 nut_n = turn_4(&abreast->drive, &abreast->state, motor, x_mid_m - abreast->axis.zero_m, abreast->axis.v_m_s);
     move_4(&abreast->axis, x_mid_m, nut_n, abreast->axis.push_n + nut_n, abreast->state.torque_nm, dt_s);
 }
+WIDE_END
 #endif

@@ -279,31 +279,29 @@ INLINE void make_substep(MEMORY *memory, double dt_s) {
     memory->plant->now += 1;
 }
 
-/* Make sub-steps up to the end of the window, `until`, or the first one after which something is to be looked at. */
-static void make_substeps(MEMORY *memory, TICKS *ticks, int64_t until, double dt_s) {
-    PLANT *plant = memory->plant;
 #if WIDE
-    if (can_go_abreast(memory)) {
-        ABREAST abreast;
-        take_drives(&abreast, memory);
-        take_axes(&abreast, memory);
-        int64_t last = least_of(until, plant->now - plant->now % plant->window + plant->window);
-        if (plant->sample_at > plant->now)
-            last = least_of(last, plant->sample_at);
-        if (plant->look_every)
-            last = least_of(last, plant->look_at);
-        do {
-            lay_ticks(memory, ticks, plant->substep_ns);
-            step_abreast(&abreast, memory, dt_s);
-            plant->now += 1;
-        } while (plant->now < last && !plant->watched && !any_4(~is_free_4(&abreast.axis)));
-        give_axes(&abreast, memory);
-        return;
-    }
-#endif
-    lay_ticks(memory, ticks, plant->substep_ns);
-    make_substep(memory, dt_s);
+WIDE_BEGIN
+/* Make sub-steps with all axes abreast up to the end of the window, `until`, or the first one after which something is to
+   be looked at. */
+static void make_substeps_abreast(MEMORY *memory, TICKS *ticks, int64_t until, double dt_s) {
+    PLANT *plant = memory->plant;
+    ABREAST abreast;
+    take_drives(&abreast, memory);
+    take_axes(&abreast, memory);
+    int64_t last = least_of(until, plant->now - plant->now % plant->window + plant->window);
+    if (plant->sample_at > plant->now)
+        last = least_of(last, plant->sample_at);
+    if (plant->look_every)
+        last = least_of(last, plant->look_at);
+    do {
+        lay_ticks(memory, ticks, plant->substep_ns);
+        step_abreast(&abreast, memory, dt_s);
+        plant->now += 1;
+    } while (plant->now < last && !plant->watched && !any_4(~is_free_4(&abreast.axis)));
+    give_axes(&abreast, memory);
 }
+WIDE_END
+#endif
 
 /* The end of a window; 0 if a joint runs away. */
 static int end_window(MEMORY *memory, const TICKS *ticks, int64_t until) {
@@ -382,7 +380,15 @@ static int64_t advance_to(MEMORY *memory, int64_t until_ns, const int64_t *t_ns,
                 continue;
             wake_up(memory);
         }
-        make_substeps(memory, &given, until, dt_s);
+#if WIDE
+        if (can_go_abreast(memory)) {
+            make_substeps_abreast(memory, &given, until, dt_s);
+        } else
+#endif
+        {
+            lay_ticks(memory, &given, dt_ns);
+            make_substep(memory, dt_s);
+        }
         if (plant->now % plant->window == 0 && !end_window(memory, &given, until))
             break;
         if (find_edge(memory)) {
