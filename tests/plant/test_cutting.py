@@ -11,9 +11,9 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.base.parameters import Place
+from isel_twin.native import core
 from isel_twin.plant.cutting import CUT, Cut, set_cut, tool_m_per_n
 from isel_twin.plant.materials import MATERIALS
-from isel_twin.plant.teeth import bite
 from isel_twin.wiring import event_now
 
 from .conftest import MS, Bench, ramp_ns, ticks
@@ -64,7 +64,7 @@ def bites(cut: Cut, velocity_m_s: Sequence[float], count: int, left: float = 1.0
     cuts["x_m_s"], cuts["y_m_s"] = velocity_m_s
     forces = []
     for now in range(count):
-        bite(cuts[0], now, *velocity_m_s)
+        core.bite_once(cuts, now, *velocity_m_s)
         forces.append((cuts["x_n"][0], cuts["y_n"][0]))
     return np.array(forces)
 

@@ -7,3 +7,7 @@
 #include "../drives/drives.c"
 #include "../drives/stability.c"
 #include "../plant/weighing.c"
+#include "../plant/glide.c"
+#include "../plant/touch.c"
+#include "../plant/kernel.c"
+#include "../../envs/tracking.c"

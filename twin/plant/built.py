@@ -27,7 +27,7 @@ from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE, axis_states, lay
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.native import core
-from isel_twin.plant import Threshold, kernel, memory, touch
+from isel_twin.plant import Threshold, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, supply_state
 from isel_twin.plant.glide import JOINT, slides, written_out
@@ -37,7 +37,7 @@ from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import MODELS, Asked, asked_of, bare, found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address, time_step_address
 from isel_twin.plant.prepared import Built, Frame
-from isel_twin.plant.thread import SCREW, feel, laid_screw
+from isel_twin.plant.thread import SCREW, laid_screw
 from isel_twin.plant.weighing import check_steps, stiffest_n_per_m, weigh
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
@@ -118,15 +118,15 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
         _stand(built, start_mm)
     core.balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
-        feel(parts.screws, parts.axes, parts.drives, parts.states)
+        core.feel_nuts(built.memory)
     for switch in parts.thresholds:
         if switch["quantity"] == memory.POSITION:
             switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
     if len(parts.thresholds):
         find_free(parts)
-    kernel.begin_window(built.memory)
+    core.begin_window(built.memory)
     if parts.feeler["on"][0]:
-        kernel.feel_now(built.memory)
+        core.feel_now(built.memory)
 
 
 def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
@@ -187,7 +187,7 @@ def _parts(
         "rates": ((nv,), np.float64),
         "touching": ((pairs,), np.int64),
         "touched_m": ((pairs, three), np.float64),
-        "kept": ((kernel.AXIS_WORDS + kernel.STATE_WORDS + 3 * nv,), np.int64),
+        "kept": ((three * (memory.AXIS.itemsize + AXIS_STATE.itemsize) // 8 + 3 * nv,), np.int64),
         "place": ((nv,), np.float64),
         "shape_mm": ((three, nv), np.float64),
         "coulomb_nm": ((three,), np.float64),
@@ -224,7 +224,7 @@ def _power_on(built: Built, thresholds: NDArray[np.void]) -> None:
     plant["step_at"] = time_step_address(model)
     plant["data"] = built.data._address
     plant["lost_dof"] = -1
-    plant["sample_at"] = kernel.NEVER
+    plant["sample_at"] = memory.NEVER
     plant["watched"] = (parts.thresholds["quantity"] != memory.POSITION).any()
     axes["dof"] = built.dof
     axes["phases"] = OPEN
