@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.drives.dynamics import OPEN
-from isel_twin.drives.servo import CAUSES, cool
+from isel_twin.drives.servo import CAUSES
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
 from isel_twin.native import address, core
@@ -395,7 +395,7 @@ class MujocoPlant(LoopSamples):
             plant = self.parts.plant[0]
             since = int(plant["now"] - plant["frozen_at"]) if plant["frozen"] else 0
             for i in np.flatnonzero(self.built.closed):
-                fraction[i] = math.sqrt(cool(self.parts.drives[i], self.parts.states[i], since))
+                fraction[i] = math.sqrt(core.cooled(self.parts.drives[i : i + 1], self.parts.states[i : i + 1], since))
         return np.where(self._live, fraction, 0.0)
 
     @property
