@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import CARRIAGES
 from isel_twin.envs.paths import lay_path, sampled
-from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, PLACE, REWARDS, SIZE, TRACK, place_of
+from isel_twin.envs.tracking import LANE, OUTSIDE, PLACE, REWARDS, SIZE, STEPS_LOST, TRACK, place_of
 from isel_twin.envs.variations import VARIATIONS, checked, limits_rad_s, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
 from isel_twin.native import core
@@ -433,4 +433,4 @@ def infos(track: Any) -> dict[str, Any]:
 
 def ended(over: int) -> str:
     """How an episode ended, by what its last step returned; 0 or less: its time was over."""
-    return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"
+    return "time" if over <= 0 else "lost steps" if over & STEPS_LOST else "outside" if over & OUTSIDE else "done"

@@ -204,7 +204,7 @@ INLINE void observe(const PLACE *place, double *observation, int64_t size) {
     observation[size - 1] = within_one(most(left_s / track->time_limit_s, 0.0));
 }
 
-/* Make a step of an environment; return 0 or bits of DONE, OUTSIDE and LOST, or -1 for an invalid action. */
+/* Make a step of an environment; return 0 or bits of DONE, OUTSIDE and STEPS_LOST, or -1 for an invalid action. */
 INLINE int64_t step_of(const PLACE *place, const double *action, double *observation, int64_t size) {
     TRACK *track = place->track;
     LANE *lanes = place->lanes;
@@ -240,7 +240,7 @@ INLINE int64_t step_of(const PLACE *place, const double *action, double *observa
     for (int i = 0; i < AXES; i++) {
         double lag = fabs(lag_steps(memory, i));
         if (!(lag < lanes[i].half_slip))
-            over |= LOST;
+            over |= STEPS_LOST;
         slow = slow && fabs(lanes[i].rate_hz) <= STOPS_HZ;
         stands = stands && lag <= 0.5 * lanes[i].half_slip;
     }
@@ -251,7 +251,7 @@ INLINE int64_t step_of(const PLACE *place, const double *action, double *observa
     track->reward_progress = progress_mm;
     track->reward_time = -track->time_weight * step_s;
     track->reward_deviation = -track->deviation_weight * step_s * share * share;
-    track->reward_abort = over & (OUTSIDE | LOST) ? -track->abort_penalty : 0.0;
+    track->reward_abort = over & (OUTSIDE | STEPS_LOST) ? -track->abort_penalty : 0.0;
     return over;
 }
 

@@ -15,7 +15,7 @@
 #define STATES 6
 #define DONE 1
 #define OUTSIDE 2
-#define LOST 4
+#define STEPS_LOST 4
 #define IDLE -2
 #define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
 #define SPEED_STEP_RAD_S 2.0

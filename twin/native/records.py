@@ -16,24 +16,13 @@ NUMBERS = {
     "isel_twin.drives.servo_drive": ("I2T_BACK",),
     "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
     "isel_twin.drives.stability": ("STATES",),
-    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "LOST", "IDLE", "PREVIEW_MM"),
+    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
     "isel_twin.plant.memory": (
-        "AXES",
-        "SAMPLES",
-        "FAR_M",
-        "NEVER",
-        "KEPT",
-        "SAME",
-        "APART",
-        "FRESH",
-        "PARTED_MM",
-        "POSITION",
-        "LAG",
-        "TOUCH",
+        "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
     ),
     "isel_twin.plant.touch": ("BOX", "RING", "PLANE", "NEWS"),
-}
+}  # fmt: skip
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 

@@ -1,15 +1,6 @@
-"""MuJoCo's step written out for sliding joints between their stops, without contact.
+"""Which machines MuJoCo's step is written out for (glide.h), and its constants: sliding joints between their stops, without
+contact. That gives the numbers of `mj_step` at a thirtieth of its cost.
 
-It gives the numbers of `mj_step` at a thirtieth of its cost. If all joints slide, masses and directions do not depend
-on positions. So without a stop or a collision the equations that MuJoCo solves in each step (its chapter "Computation")
-are linear but for dry friction:
-
-    a0  = M^-1 (F - g - k (q - q_s) - d v)           M: mass matrix, F: forces on the joints, g: weights
-    f_i = clip(-(a0_i + b v_i) / (A_ii + R_i))       dry friction of a joint, at most its loss either way
-    a   = a0 + M^-1 f                                A = M^-1, b and R: as MuJoCo softens the friction of that joint
-    v'  = v + h a,   q' = q + h v'
-
-which is exact as long as no two joints with friction are coupled by their masses (A_ij = 0), and so needs no solver.
 All constants are MuJoCo's own. When the plant is built, a few states are compared with MuJoCo's steps: if they differ,
 or if bodies could collide within the bounds of the joints, MuJoCo makes every step (plant/4).
 

@@ -50,7 +50,7 @@ PLANT = record(
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # end of the last of all leads
         ("lost_dof", "i8"),  # number of the joint coordinate that ran away, -1: none
-        ("uneven", "i8"),  # 1: a screw is uneven (thread.py)
+        ("uneven", "i8"),  # 1: a screw is uneven (thread.h)
         ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
         ("sample_at", "i8"),  # sub-step of the next one
         ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
@@ -137,8 +137,8 @@ class Parts(NamedTuple):
     commanded: Any  # int64 [m], microsteps, m >= 3
     leads: Any  # LEAD [m]
     available: Any  # [3, s], margin.py
-    joints_law: Any  # JOINT [nv], glide.py
-    mobility: Any  # [nv, nv], glide.py
+    joints_law: Any  # JOINT [nv], glide.h
+    mobility: Any  # [nv, nv], glide.h
     push: Any  # [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum
     springs: Any  # [2, 3, nv], acceleration of each carriage by deflection and speed of each joint on its spring
     cut: Any  # CUT [1]
@@ -153,7 +153,7 @@ class Parts(NamedTuple):
     touching: Any  # int64 [p], of each pair of clamped.py: APART, TOUCHING, FRESH
     touched_m: Any  # [p, 3], where X, Y and Z were when MuJoCo last found each pair in contact
     found: Any  # [p], MuJoCo's contacts of each pair at the beginning of its last step
-    samples: Any  # [SAMPLES, w], rows of the loop's `_take`
+    samples: Any  # [SAMPLES, w], rows of `take_sample`
     kept: Any  # int64 [w], axes, states and joints at the end of a window of standstill, bit by bit
     place: Any  # [nv], joint positions at the end of the last call, within a sub-step along their velocities
     qpos: Any  # [nv], this and the rest as MuJoCo names its arrays

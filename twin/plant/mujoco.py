@@ -395,7 +395,8 @@ class MujocoPlant(LoopSamples):
             plant = self.parts.plant[0]
             since = int(plant["now"] - plant["frozen_at"]) if plant["frozen"] else 0
             for i in np.flatnonzero(self.built.closed):
-                fraction[i] = math.sqrt(core.cooled(self.parts.drives[i : i + 1], self.parts.states[i : i + 1], since))
+                drive, state = self.parts.drives[i : i + 1], self.parts.states[i : i + 1]
+                fraction[i] = math.sqrt(core.cooled(drive, state, since))
         return np.where(self._live, fraction, 0.0)
 
     @property

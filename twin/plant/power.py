@@ -72,7 +72,7 @@ class Power:
 
     def _forget_faults(self) -> None:
         for i in np.flatnonzero(self._built.closed):
-            forget(self._built.parts.states[i])
+            forget(self._built.parts.states[i : i + 1])
 
     def _set_phases(self) -> None:
         lost = ["" if closed else lost for lost, closed in zip(self.lost, self._built.closed, strict=True)]

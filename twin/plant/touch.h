@@ -1,4 +1,14 @@
-/* The law of a feeler, a touch probe or a plate for tool lengths (touch.py). */
+/* The law of a feeler, a touch probe or a plate for tool lengths (touch.py).
+
+       d        distance of the ball (of the cutter's end, over a plate) from the nearest target, < 0: deflected by -d
+       n        where that distance grows fastest: the way in which the tool is pushed
+
+       deflection u = -d        contact changes at u > pretravel + lobing cos 3 phi, back below that less the hysteresis
+       force      F = f u / pretravel,  beyond it  f + rate (u - pretravel)      f = |(force nx, force ny, force_z nz)|
+       u > overtravel           it breaks: a collision; the contact stays closed, and nothing pushes any more
+
+   phi: of n, about the vertical. Distances are exact (closed forms): of a ball from boxes, cylinders, rings and the
+   table's surface. */
 #pragma once
 #include "../native/core.h"
 #include "../native/records.h"

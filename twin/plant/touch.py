@@ -1,19 +1,11 @@
 """What gives way where it is touched: a touch probe in the spindle, or a plate for tool lengths on the table.
 
-Goal: the contact changes at the sub-step in which the deflection says so, from whatever side it was touched.
+Goal: the contact changes at the sub-step in which the deflection says so, from whatever side it was touched. Law and
+distances are in touch.h. A stylus weighs a few grams, so its spring pushes on the tool as it stands, and back on the
+table; the forces go to MuJoCo's joints like those of a cut. The shapes are MuJoCo's, too: they are seen, and the stem
+collides.
 
-    d        distance of the ball (of the cutter's end, over a plate) from the nearest target, < 0: deflected by -d
-    n        where that distance grows fastest: the way in which the tool is pushed
-
-    deflection u = -d          contact changes at u > pretravel + lobing cos 3 phi, back below that less the hysteresis
-    force      F = f u / pretravel,  beyond it  f + rate (u - pretravel)        f = |(force nx, force ny, force_z nz)|
-    u > overtravel             it breaks: a collision; the contact stays closed, and nothing pushes any more
-
-phi: of n, about the vertical. Distances are exact (closed forms): of a ball from boxes, cylinders, rings and the
-table's surface. A stylus weighs a few grams, so its spring pushes on the tool as it stands, and back on the table; the
-forces go to MuJoCo's joints like those of a cut. The shapes are MuJoCo's, too: they are seen, and the stem collides.
-
-The law is in touch.h. On the kinematic plant the same without forces: `Felt` searches the path.
+On the kinematic plant the same without forces: `Felt` searches the path.
 """
 
 from __future__ import annotations
