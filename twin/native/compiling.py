@@ -1,8 +1,8 @@
 """Compile the core: `python twin/native/compiling.py`, by the compiler of the system or by ziglang.
 
 Stands alone: the build of a package (wheels/backend.py) runs it before anything is installed. core.c includes all other
-C. Generated here is exports.h: the texts of all prototypes marked `API`, and a digest of the sources by which a checkout
-notices that its library is stale.
+C. Generated here is exports.h: the texts of all prototypes marked `API`, and a digest of the sources, by which a
+checkout notices that its library is stale.
 
 No fused multiply-add and no other liberty of a compiler is allowed: the same bits on every machine.
 """
@@ -119,9 +119,7 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
                     return path
     except OSError as error:
         raise BuildError(f"{path}: cannot be written ({error.strerror}), and the C has changed or is new") from None
-    raise BuildError(
-        f"{why}; `python -m isel_twin.native.compiling` shows all; `pip install ziglang` brings a compiler"
-    )
+    raise BuildError(f"{why}; `python -m isel_twin.native.compiling` says more; `pip install ziglang` is a compiler")
 
 
 def library() -> Path:
