@@ -181,6 +181,6 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
 def _described(argument: Any) -> str:
     if not isinstance(argument, np.ndarray):
         return f"a {type(argument).__name__}, no array"
-    dtype = argument.dtype if argument.dtype.names is None else "another record"
+    dtype = argument.dtype if argument.dtype.names is None else "a record"
     pieces = "" if argument.flags.c_contiguous else ", not in one piece"
     return f"{dtype} {[*argument.shape]}{pieces}{'' if argument.flags.writeable else ', read only'}"
