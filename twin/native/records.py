@@ -34,6 +34,8 @@ def text() -> str:
     named = {
         name: getattr(importlib.import_module(module), name) for module, names in NUMBERS.items() for name in names
     }
+    if len(named) < sum(len(names) for names in NUMBERS.values()):
+        raise ValueError("NUMBERS: two have one name")
     order = [name for name in RECORDS if not POINTED[name]] + [name for name in RECORDS if POINTED[name]]
     parts = [
         "/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */\n"
