@@ -21,7 +21,6 @@ from isel_twin.bridge.serve.pacing import Pacer
 from isel_twin.bridge.serve.pty import PtyEndpoint
 from isel_twin.bridge.serve.server import Server
 from isel_twin.core.twin import Twin
-from isel_twin.core.warm import warm_up
 from isel_twin.language import create_language, needed
 
 CONTROLLER = "imc-s8"
@@ -96,7 +95,6 @@ def _session(console: Console, host: _Host, twin: Twin, title: str, commands: tu
 def main() -> None:
     console = Console() if sys.stdout.isatty() else Console(width=100)
     with console.status("building the machine"):
-        warm_up("mujoco", console.print)  # so that the real-time factor does not include compilation
         twin = Twin(machine="4030", controller=CONTROLLER, seed=int(os.environ.get("SEED", "0")), line_speed=True)
     pty = PtyEndpoint()
     server = Server(twin, Pacer(None), [pty])

@@ -18,12 +18,11 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 import mujoco
-import numba
 import numpy
 import serial.rfc2217
 import serial.tools.list_ports
 
-OTHERS = (mujoco, numba, numpy, serial, subprocess)
+OTHERS = (mujoco, numpy, serial, subprocess)
 
 MODULES = ("fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty")
 NAMES: dict[ModuleType, tuple[str, ...]] = {

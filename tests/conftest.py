@@ -1,4 +1,4 @@
-"""What all tests share: compiled code from the start, failures told at once, the option to write golden files anew."""
+"""What all tests share: the core from the start, failures told at once, the option to write golden files anew."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 import tests.assembled  # noqa: F401  (every call of the command line in this process is a third as long)
+from isel_twin.native import core
 from tests import forked
 from tests.thorough import ALL, PART
 
@@ -29,25 +29,20 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # what tests start by the hundr
 
 gc.disable()  # nothing of what is imported and collected is thrown away
 
-MANY = 200
-"""Tests in a session from which on everything is compiled before the first of them."""
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="write the digests in tests/golden anew")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile before any worker starts, so that only one does; tell of failures from now on."""
+    """Build the core before any worker starts, so that only one does; tell of failures from now on."""
     if terminal := session.config.pluginmanager.getplugin("terminalreporter"):  # workers have none
         session.config.pluginmanager.register(_AtOnce(terminal))
     if getattr(session.config.option, "numprocesses", None):
         if session.config.getoption("--update-golden"):
             raise pytest.UsageError("--update-golden writes whole files: not with --numprocesses")
-        rewriting = _rewriting(session.config.args)
-        _warm_up()
-        if rewriting is not None:
-            rewriting.wait()
+        _rewrite(session.config.args)
+        core.load()
         if sys.platform == "linux":
             forked.share()
         gc.enable()  # it collects nothing itself
@@ -63,15 +58,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """What has been collected stays to the end: the garbage collector need not look at it again and again.
-
-    Without workers: compile if there is much to be done, so that no test is blamed for it.
-    """
+    """What has been collected stays to the end: the garbage collector need not look at it again and again."""
     gc.freeze()
     gc.enable()
-    config = session.config
-    if len(session.items) >= MANY and not hasattr(config, "workerinput") and not config.option.collectonly:
-        _warm_up()
 
 
 class _AtOnce:
@@ -88,25 +77,12 @@ class _AtOnce:
             self._terminal.write_line(f"\nFAILED {report.nodeid} ({report.when}): {reason}", red=True)
 
 
-def _rewriting(places: list[str]) -> subprocess.Popen[bytes] | None:
-    """On a clean checkout each worker would rewrite all asserts, which takes longer than many a test: one does it while
-    code is compiled."""
+def _rewrite(places: list[str]) -> None:
+    """On a clean checkout each worker would rewrite all asserts, which takes longer than many a test: one does it."""
     here = Path(__file__).parent
-    if any(here.glob("__pycache__/test_*-pytest-*.pyc")):
-        return None
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-p", "no:cacheprovider", *places]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-
-def _warm_up() -> None:
-    from isel_twin.controller import controller_names
-    from isel_twin.core.warm import warm_up
-    from tests.in_process import isel_twin
-
-    for plant in ("kinematic", "mujoco"):
-        warm_up(plant, controllers=controller_names())
-    with tempfile.TemporaryDirectory() as folder:  # what lays out a dump is compiled with the first one
-        isel_twin("run", "-", "--plant", "kinematic", "--vcd", Path(folder) / "first.vcd", stdin="@07\n")
+    if not any(here.glob("__pycache__/test_*-pytest-*.pyc")):
+        command = [sys.executable, "-m", "pytest", "--collect-only", "-qq", "-p", "no:cacheprovider", *places]
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
 
 
 @pytest.fixture

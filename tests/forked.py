@@ -234,11 +234,9 @@ def _be_template(line: socket.socket, *how: str) -> None:
 
 
 def _import_everything(bare: bool) -> None:
-    from isel_twin.core.warm import warm_up
     from tests.in_process import isel_twin
 
     for plant in ("kinematic", "mujoco"):
-        warm_up(plant)
         isel_twin("run", "-", "--plant", plant, stdin="@07\n")
         if not bare:
             isel_twin("exec", "--plant", plant, "--", "python", "-c", "import serial")

@@ -56,5 +56,4 @@ def test_the_component_and_the_container_do_so_too() -> None:
     assert {"jobs", "package", "stage"} == set(head["spec"]["inputs"])
     assert "isel-twin check $[[ inputs.jobs ]] --junit isel-twin.xml" in job["isel-twin-check"]["script"]
     container = (folder / "Containerfile").read_text()
-    assert "isel-twin warm" in container
     assert 'ENTRYPOINT ["isel-twin"]' in container

@@ -220,7 +220,7 @@ def inverse(item: int) -> float:
 @pytest.mark.parametrize(
     ("package", "there", "said"),
     [
-        ("numba", "0.60.0", "numba 0.60.0 instead of {numba}"),
+        ("mujoco", "3.9.0", "mujoco 3.9.0 instead of {mujoco}"),
         ("Python", "3.99", "Python 3.99 instead of {Python}"),
         ("isel-twin", "0.9", "isel-twin 0.9 instead of {isel-twin}"),
     ],

@@ -23,7 +23,6 @@ from isel_twin.base import crew
 from isel_twin.base.errors import CallError
 from isel_twin.cli import main
 from isel_twin.core.spec import TwinSpec
-from isel_twin.core.warm import warm_up
 from isel_twin.jobs import robust
 from isel_twin.jobs.checks.job import check_job
 from isel_twin.jobs.checks.rules import Bounds
@@ -48,7 +47,6 @@ NEAR_STALL = "@07\n@0R7\n@0J100\n@0z1\n@0M32000,20500,0,900,0,900,0,30\n"
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """run(job, words...) -> exit code, lines of standard output, standard error; in a folder with the machines `near`,
     which is the one if none is named, and `m36`."""
-    warm_up("mujoco")  # says nothing of it, as the first of all jobs does
     for name in ("near", "m36"):
         (tmp_path / name).mkdir()
     near_switches(tmp_path / "near", 2.0)

@@ -41,8 +41,6 @@ def tried(python: Path | str, name: str, options: tuple[str, ...], tests: list[s
     """True if these tests pass in an environment of that name, made anew. options: of the installation."""
     folder = ROOT / "build" / name
     own = folder / "bin" / "python"
-    # compiled code is kept apart: numba throws away what another version of it has compiled
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(ROOT / "build" / f"{name}-compiled")}
     install = (sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", own, *options)
     for command in (
         (python, "-m", "venv", "--clear", "--without-pip", folder),
@@ -50,7 +48,7 @@ def tried(python: Path | str, name: str, options: tuple[str, ...], tests: list[s
         (own, "-m", "pytest", "--numprocesses", "2", "--dist", "loadfile", *tests),
     ):
         print(name, *command, flush=True)
-        if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
+        if subprocess.run(command, cwd=ROOT, check=False).returncode:
             return False
     return True
 

@@ -216,7 +216,7 @@ def test_help_names_every_command():
 LIGHT = """
 import sys
 from isel_twin.cli import main
-heavy = {"numpy", "numba", "mujoco", "pyarrow", "matplotlib", "scipy"}
+heavy = {"numpy", "mujoco", "pyarrow", "matplotlib", "scipy"}
 commands = [[command, "--help"] for command in ("serve", "run", "exec", "describe", "motor")]
 for words in [["--help"], ["--version"], ["machines"], ["controllers"], *commands]:
     try:
@@ -233,12 +233,12 @@ def test_help_and_lists_import_nothing_heavy():
 
 
 def test_a_kinematic_run_imports_only_what_it_calls(tmp_path):
-    """Straight moves without physics call no compiled function: what is compiled, and what compiles, stays away."""
+    """Straight moves without physics: MuJoCo stays away, and all that draws or checks."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n@0A800,5000,0,30,0,30,0,30\n")
     code = (
         "import sys\nfrom isel_twin.cli import main\n"
         "try: main(['run', 'job.txt', '--plant', 'kinematic'])\nexcept SystemExit as end: assert not end.code\n"
-        "idle = {'mujoco', 'rich', 'matplotlib', 'scipy.linalg', 'numba', 'isel_twin.cli.serve',\n"
+        "idle = {'mujoco', 'rich', 'matplotlib', 'scipy.linalg', 'isel_twin.cli.serve',\n"
         "  'isel_twin.jobs.checks.job', 'isel_twin.firmware.bwo900.programs.syntax'} & set(sys.modules)\n"
         "print(sorted(idle), file=sys.stderr)\n"
     )

@@ -1,4 +1,4 @@
-"""From nothing to a first result: `init`, `doctor`, `warm`."""
+"""From nothing to a first result: `init`, `doctor`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from pytest_plugin.projects import ALONE
 
+from isel_twin import native
 from isel_twin.controller import controller_names, offers
-from isel_twin.core import warm
 from isel_twin.language import HasExample, create_language
+from isel_twin.native import compiling
 from tests.in_process import isel_twin
 from tests.near import NEAR
 
@@ -93,7 +94,7 @@ def test_the_doctor_finds_nothing_wrong_here() -> None:
         "Python",
         "mujoco",
         "[panel]",
-        "compiled code",
+        "compiled core",
         "controllers",
         "serve --pty",
         "the whole chain",
@@ -101,16 +102,11 @@ def test_the_doctor_finds_nothing_wrong_here() -> None:
     assert "wrong" not in states.values()
 
 
-def test_the_doctor_names_what_is_wrong_and_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warm, "kept_in", lambda: None)
+def test_the_doctor_names_what_is_wrong_and_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "HERE", tmp_path)  # an installation whose library is gone
+    monkeypatch.setattr(native, "core", native.Core())
     done = isel_twin("doctor")
     assert done.returncode == 1
-    assert "wrong    compiled code" in done.stdout
-    assert "NUMBA_CACHE_DIR" in done.stdout
-
-
-def test_compiled_code_is_kept_where_it_is_said() -> None:
-    isel_twin("warm")
-    told = json.loads(isel_twin("warm", "--json").stdout)
-    assert not told["compiled"], "once is enough"
-    assert list(Path(told["folder"]).glob("kernel.advance*.nbi"))
+    assert "wrong    compiled core" in done.stdout
+    assert f"{tmp_path / 'core'}" in done.stdout
+    assert "install isel-twin anew" in done.stdout

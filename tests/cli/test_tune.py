@@ -12,7 +12,6 @@ import pytest
 
 from isel_twin.cli import main
 from isel_twin.cli.tune_output import Table
-from isel_twin.core.warm import warm_up
 from tests.near import COARSE, near_switches
 
 pytestmark = pytest.mark.long(seconds=10)
@@ -36,7 +35,6 @@ def near(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def tune(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
     """tune(words...) -> exit code, standard output, standard error; in a folder with `job.txt`."""
-    warm_up("mujoco")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.txt").write_text(JOB)
 

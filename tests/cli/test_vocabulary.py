@@ -17,7 +17,7 @@ from isel_twin.cli import GROUPS, app, main
 BUILD_TWINS = "serve exec run check golden-record golden-compare drive replay tune experiment identify learn".split()  # noqa: SIM905
 TELL = """
     ports exec run check golden-compare drive replay compare tune sweep identify experiment learn machines controllers
-    describe motor decode export plc-assemble plc-explain doctor warm
+    describe motor decode export plc-assemble plc-explain doctor
 """.split()  # noqa: SIM905
 RETIRED = {"--jobs", "--processes", "--repetitions", "--timeout-s", "--update", "--output", "--overrides"}
 

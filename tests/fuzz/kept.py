@@ -12,7 +12,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from isel_twin.base import object_code
 from isel_twin.bridge.fmu import slaves
 from isel_twin.bridge.serve import registry
 from isel_twin.core.spec import TwinSpec
@@ -235,22 +234,6 @@ def _of_replays(path: Path) -> None:
         raise ValueError("no replay is left")
 
 
-def _code(folder: Path) -> bytes:
-    """Kept object code, which need not be any as long as nobody calls it."""
-    with _environment(NUMBA_CACHE_DIR=str(folder)):
-        object_code.keep(_code, (), (int,), object_code.Code("symbol", "int64", ("malloc",), bytes(range(256))))
-        return object_code._place(_code).read_bytes()
-
-
-def _of_code(path: Path) -> None:
-    with _environment(NUMBA_CACHE_DIR=str(path.parent)):
-        sound = object_code._place(_code)
-        sound.write_bytes(path.read_bytes())
-        if (kept := object_code._kept(_code, ())) == {}:
-            raise ValueError("made anew")
-        assert kept[(int,)].code == bytes(range(256))
-
-
 # ---- states ----------------------------------------------------------------------------------------------------------
 
 
@@ -289,7 +272,6 @@ KEPT = (
     ),
     Reader("plan.parquet.journal", _rows, _journal, in_turn(either, *[_lines_reshaped] * 3), "no row", SLOW),
     Reader("fit.journal", _replays, _of_replays, in_turn(either, *[_lines_reshaped] * 3), "no journal|no replay"),
-    Reader("code.o", _code, _of_code, mutated, NOTHING),
     Reader(
         "registry", lambda _: json.dumps(ENTRY).encode(), _registry, in_turn(either, *[reshaped] * 3), "nothing", SLOW
     ),

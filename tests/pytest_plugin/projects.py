@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numba
 import pytest
 
 from isel_twin.bridge.pytest import kept as pytest_kept
@@ -23,10 +22,8 @@ ALONE = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_PLUGINS": PLUGIN}
 
 @pytest.fixture(scope="session")
 def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A session in this process forgets what it has imported, and numba does not bear to be imported twice.
-
-    So all that they import when first used is imported before, also what numba imports when it compiles.
-    """
+    """A session in this process forgets what it has imported, and some libraries do not bear to be imported twice: all
+    that they import when first used is imported before."""
     import isel_twin.bridge.operate.control_port
     import isel_twin.bridge.serve.rfc2217
     import isel_twin.bridge.serve.server
@@ -37,7 +34,6 @@ def warm(tmp_path_factory: pytest.TempPathFactory) -> None:
     import isel_twin.recordings.replay
     import isel_twin.report.sketch  # noqa: F401
 
-    numba.njit(lambda: 0)()
     kept = pytest_kept._Kept(Twin(plant="kinematic"), None, pytest_kept.TwinSpec(plant="kinematic"))
     kept.twin.listen(kept.note)
     kept.twin.query("@07")

@@ -35,7 +35,7 @@ def test_a_project_without_twins_pays_for_nothing(project: pytest.Pytester) -> N
         import sys
 
         def test_nothing_heavy():
-            heavy = {"numpy", "mujoco", "numba", "mcap", "matplotlib", "cyclopts"}
+            heavy = {"numpy", "mujoco", "mcap", "matplotlib", "cyclopts"}
             heavy |= {"isel_twin.core.twin", "isel_twin.core.spec"}
             assert "isel_twin.bridge.pytest.plugin" in sys.modules
             assert not heavy & set(sys.modules)

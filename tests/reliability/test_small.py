@@ -34,12 +34,6 @@ def test_in_small(program: ModuleType, number: float) -> None:
     assert wrong == []
 
 
-def test_a_server_has_given_back_llvms_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()  # a forked one has not read it
-    with figures.serving("--tcp", "127.0.0.1:0") as served:
-        assert figures.code_mb(served.pid, "libllvmlite") < 10.0
-
-
 def test_an_exception_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """A controller that does not bear one character of all."""
     receive = Imc.receive

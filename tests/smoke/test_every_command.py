@@ -36,7 +36,6 @@ KINEMATIC = ("--plant", "kinematic")
 NEAR = ("--machine", "near")
 IN_ORDER: dict[str, tuple[object, ...]] = {
     "doctor": (),
-    "warm": (),
     "demo": (),
     "init": ("shop",),
     "controllers": (),

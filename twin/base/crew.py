@@ -78,8 +78,8 @@ class MismatchError(RuntimeError):
 @functools.cache
 def versions() -> dict[str, str]:
     """What results depend on, in this process: a worker must have the same (many/21)."""
-    packages = {name: importlib.metadata.version(name) for name in ("numba", "mujoco")}
-    return {"Python": ".".join(platform.python_version_tuple()[:2]), "isel-twin": VERSION, **packages}
+    found = {"Python": ".".join(platform.python_version_tuple()[:2]), "isel-twin": VERSION}
+    return {**found, "mujoco": importlib.metadata.version("mujoco")}
 
 
 class Crew:

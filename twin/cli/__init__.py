@@ -1,6 +1,6 @@
 """The command `isel-twin`: one file a command, each with one function that returns the exit code.
 
-    begin     init, demo, doctor, warm
+    begin     init, demo, doctor
     operate   serve, ctl, tap, ports, exec, mtconnect, opcua, linuxcnc  a machine behind a port, and hosts that drive it
     test      run, check, golden, drive, replay, compare, lsp
     tune      tune, sweep, identify, experiment, learn
@@ -48,7 +48,7 @@ app = App(
 )
 # the commands by purpose, as file:function; only the one that is called is imported
 GROUPS = {
-    "Begin": ("init:init", "demo:demo", "doctor:doctor", "warm:warm"),
+    "Begin": ("init:init", "demo:demo", "doctor:doctor"),
     "Operate": ("serve:serve", "ctl:ctl", "tap:tap", "ports:ports", "exec:exec_", "mtconnect:mtconnect", "opcua:opcua",
                 "linuxcnc:linuxcnc"),
     "Test": ("run:run", "check:check", "golden:golden", "drive:drive", "replay:replay", "compare:compare", "lsp:lsp"),
@@ -125,9 +125,10 @@ def _run(tokens: Sequence[str]) -> int:
         code = _say(2, f"{error.filename2 or error.filename or 'standard output'}: {error.strerror or error}")
         sys.stdout = None  # else the interpreter tries to flush it again
     except RuntimeError as error:
-        from isel_twin.plant import PlantError  # only now: most commands that fail have not needed it
+        from isel_twin.native import CoreError  # only now: most commands that fail have not needed them
+        from isel_twin.plant import PlantError
 
-        if not isinstance(error, PlantError):
+        if not isinstance(error, CoreError | PlantError):
             raise
         code = _say(2, str(error))
     return code

@@ -34,7 +34,7 @@ class Finding:
 
 
 def doctor(*, json: Json = False) -> int:
-    """Look at Python, libraries, extras, compiled code, plug-ins, serial ports and sockets: what works, and the remedy.
+    """Look at Python, libraries, extras, compiled core, plug-ins, serial ports and sockets: what works, and the remedy.
 
     Exit code 0 if nothing is wrong; what is optional may be missing.
     """
@@ -53,7 +53,7 @@ def doctor(*, json: Json = False) -> int:
 
 
 def _findings() -> Iterator[Finding]:
-    for examine in (_python, _libraries, _extras, _plugins, _terminal, _socket, _listed, _compiled, _job):
+    for examine in (_python, _libraries, _extras, _plugins, _terminal, _socket, _listed, _core, _job):
         try:
             yield from examine()
         except Exception as error:  # whatever is wrong with an installation is what is asked for
@@ -77,7 +77,6 @@ def _libraries() -> Iterator[Finding]:
     for name, module in (
         ("mujoco", "mujoco"),
         ("numpy", "numpy"),
-        ("numba", "numba"),
         ("pyserial", "serial"),
         ("mcap", "mcap"),
     ):
@@ -108,23 +107,15 @@ def _extras() -> Iterator[Finding]:
             yield Finding(f"[{extra}]", "ok", PURPOSES[extra])
 
 
-def _compiled() -> Iterator[Finding]:
-    from isel_twin.base.compile_watch import log_compiling
-    from isel_twin.core.warm import kept_in, warm_up_all
+def _core() -> Iterator[Finding]:
+    from isel_twin.native import CoreError, core
 
-    told: list[str] = []
-
-    def tell(text: str) -> None:
-        told.append(text)
-        log_compiling(text)  # it takes a while
-
-    warm_up_all(tell)
-    folder = kept_in()
-    if folder is None:
-        remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
-        yield Finding("compiled code", "wrong", "not kept: each start compiles for seconds", remedy)
+    try:
+        core.load()
+    except CoreError as error:
+        yield Finding("compiled core", "wrong", str(error))  # which tells the remedy, too
     else:
-        yield Finding("compiled code", "ok", f"{'made just now, ' if told else ''}in {folder}")
+        yield Finding("compiled core", "ok", str(core.path))
 
 
 def _plugins() -> Iterator[Finding]:

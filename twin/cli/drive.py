@@ -83,7 +83,6 @@ def drive(
     if files.sampled and (samples := ticks.over_ns / SECOND_NS / interval) > MOST_SAMPLES:
         raise CallError(f"interval {interval:g}: makes {samples:.1e} samples of this capture; take more", option=True)
     with ExitStack() as stack:
-        from isel_twin.base.compile_watch import told_of_compiling
         from isel_twin.capture.judging import of_signals, of_strikes
         from isel_twin.capture.play import Strikes, lines_of, play
         from isel_twin.capture.player import NAME, Player
@@ -95,7 +94,6 @@ def drive(
         allowed = _allowed(may_strike, [switch.name for switch in as_built.switches])
         player = Player(ticks, tuple(contact.name for contact in as_built.contacts), round(gap * SECOND_NS))
         twin = call.with_(controller=NAME, flash=None if record is None else player.image()).build(controller=player)
-        stack.enter_context(told_of_compiling())
         strikes = Strikes(twin)
         writing = files.begin(twin, {"capture": str(capture)}, stack)
         lines = lines_of(player)

@@ -62,11 +62,9 @@ def exec_(
     options.check_seconds("interval", interval, 1e-9)
     options.check_writable(steps, record, kept=(*twin.files, None if program.path is None else Path(program.path)))
     driven = twin.spec(line_speed=True).build()
-    from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.recordings.write import write_trace
 
     with ExitStack() as stack:
-        stack.enter_context(told_of_compiling())
         wire = _wire_log(twin.controller, stack) if log is not None else None
         recording = None if record is None else begin(record, driven, interval, {"host": " ".join(command)}, stack)
         done = run_host(driven, program, port, wire=wire, limit_s=timeout, give_up=_give_up, raise_interrupt=False)

@@ -108,11 +108,9 @@ def run(
     with ExitStack() as stack:
         made_on = call.build(keep_motions=None if files.needs_stream else 1)
 
-        from isel_twin.base.compile_watch import told_of_compiling
         from isel_twin.jobs.playing import played
 
         check_names(job, lines, made_on)
-        stack.enter_context(told_of_compiling())
         writing = files.begin(made_on, {"job": job_name(job)}, stack)
         show: outputs.JobOutput
         show = outputs.JsonOutput() if json else stack.enter_context(outputs.TableOutput(made_on, lines))

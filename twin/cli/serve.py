@@ -58,7 +58,6 @@ def serve(
 
     Prints one line of JSON with the addresses once everything listens. Logs go to stderr.
     """
-    from isel_twin.base.object_code import give_back
     from isel_twin.bridge.serve.keeping import serve_and_keep
     from isel_twin.bridge.serve.log import log_to
     from isel_twin.bridge.serve.loop import on_signals
@@ -69,8 +68,8 @@ def serve(
     from isel_twin.bridge.serve.wire_log import Taps, WireLog
     from isel_twin.cli.files import begin, keep, now_in_words
     from isel_twin.cli.outputs import say_json
-    from isel_twin.core.warm import warm_up
     from isel_twin.language import create_language
+    from isel_twin.native import core
 
     options.check_seconds("interval", interval, 1e-9)
     if token_file is not None and control is None and panel is None:
@@ -92,8 +91,7 @@ def serve(
         recording = None if record is None else begin(record, served, interval, said, stack)
         if page is not None and recording is not None:
             page.recording = recording.path
-        warm_up(twin.plant, controllers=[twin.controller])
-        give_back()
+        core.load()
         taps: list[WireTap] = [WireLog(create_language(twin.controller))] if log == "wire" else []
         taps += [] if page is None else [page.monitor]
         guests: list[Guest] = [guest for guest in (port, page, parent) if guest is not None]

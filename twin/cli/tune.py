@@ -172,7 +172,6 @@ def tune(
     _, source = read_source(job, call, asked)  # reports errors with their line
     say_zero(job, asked, None if source is None else source.zero)
     say_cautions(job, () if source is None else source.cautions)
-    from isel_twin.base.compile_watch import told_of_compiling
     from isel_twin.cli.tune_output import Json, Table
 
     with call_errors(job):
@@ -185,7 +184,6 @@ def tune(
         problem = _problem(job, source, call, demands.confirm, how)
     with ExitStack() as stack:
         begun = _study(problem, file or database, stack, name=study, seed=seed, batch=batch, least=demands.margin)
-        stack.enter_context(told_of_compiling())
         stopped = stack.enter_context(interruption())
         show = Json() if json else stack.enter_context(Table(trials, demands.confirm))
         stack.enter_context(crew)

@@ -186,13 +186,6 @@ class HoldsHost(Protocol):
 BYTES_AT_ONCE = 4096  # most bytes of one instant that a controller that `HoldsHost` gets in one piece
 
 
-class Compiles(Protocol):
-    """A controller with compiled functions of its own (base/compiling.py)."""
-
-    def warm_up(self) -> None:
-        """Call each of them once, without any effect: the first command need not wait until they are compiled."""
-
-
 class TellsFault(Protocol):
     """A controller that says which error it stands in."""
 

@@ -1,10 +1,10 @@
-"""Imports all modules and compiled code that playing a job needs, before workers are forked (base/crew.py)."""
+"""Imports all that playing a job needs, the compiled core with it, before workers are forked (base/crew.py)."""
 
-from isel_twin.core.warm import warm_up
 from isel_twin.jobs import playing, robust
 from isel_twin.jobs.checks import job as checks
+from isel_twin.native import core
+from isel_twin.plant import kinematic, mujoco
 
-LOADED = (playing, robust, checks)
+LOADED = (playing, robust, checks, kinematic, mujoco)
 
-for _plant in ("mujoco", "kinematic"):
-    warm_up(_plant, tell=lambda _: None)
+core.load()

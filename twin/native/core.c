@@ -11,3 +11,4 @@
 #include "../plant/glide.c"
 #include "../plant/touch.c"
 #include "../plant/kernel.c"
+#include "../../envs/tracking.c"

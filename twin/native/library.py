@@ -79,6 +79,10 @@ class Core:
         except KeyError:
             raise CoreError(f"{self.path}: has no function {name}; {compiling.REMEDY}") from None
 
+    def load(self) -> None:
+        """Load the library now, so that what is wrong with it is said now. Raises CoreError."""
+        self._prototypes  # noqa: B018
+
     def raw(self, name: str) -> Any:
         """A function that takes addresses and numbers as C does: after the address of an array come its dimensions."""
         return self._function(name)
@@ -143,14 +147,16 @@ def _arguments(prototype: str) -> list[str]:
 
 
 def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
-    kinds: list[tuple[np.dtype[Any], int, bool] | None] = []
+    kinds: list[tuple[np.dtype[Any], int, bool, str] | None] = []
     for argument in arguments:
         array = _ARRAY.fullmatch(argument)
         if array is None:
             kinds.append(None)
         else:
-            dtype = _ELEMENTS.get(array[3]) or RECORDS[array[3]]
-            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None))
+            dtype = _ELEMENTS.get(array[3]) or RECORDS.get(array[3])
+            if dtype is None:
+                raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
+            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument))
     count, buffer = len(kinds), ctypes.c_char.from_buffer
 
     def call(*given: Any) -> Any:
@@ -161,12 +167,15 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             if kind is None:
                 flat.append(argument)
                 continue
-            dtype, dimensions, written = kind
-            flags = argument.flags
-            if argument.dtype != dtype or not flags.c_contiguous or (written and not flags.writeable):
-                raise TypeError(f"{name}: {arguments[kinds.index(kind)]}: got {argument.dtype}, {flags}")
-            if (dimensions and argument.ndim != dimensions) or not (dimensions or argument.size):
-                raise TypeError(f"{name}: {arguments[kinds.index(kind)]}: got an array of shape {argument.shape}")
+            dtype, dimensions, written, text = kind
+            if (
+                not isinstance(argument, np.ndarray)
+                or argument.dtype != dtype
+                or not (flags := argument.flags).c_contiguous
+                or (written and not flags.writeable)
+                or (argument.ndim != dimensions if dimensions else not argument.size)
+            ):
+                raise TypeError(f"{name}: {text}: got {_described(argument)}")
             if flags.writeable and argument.size:
                 flat.append(ctypes.byref(buffer(argument)))
             else:
@@ -177,3 +186,11 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
 
     call.__name__ = name
     return call
+
+
+def _described(argument: Any) -> str:
+    if not isinstance(argument, np.ndarray):
+        return f"a {type(argument).__name__}, no array"
+    dtype = argument.dtype if argument.dtype.names is None else "a record"
+    pieces = "" if argument.flags.c_contiguous else ", not in one piece"
+    return f"{dtype} {[*argument.shape]}{pieces}{'' if argument.flags.writeable else ', read only'}"

@@ -2,6 +2,7 @@
 #pragma once
 #include <stddef.h>
 
+#define SLOW_RAD_S 1.0
 #define OPEN 0
 #define PHASE_A 1
 #define PHASE_B 2
@@ -12,6 +13,11 @@
 #define STEPPER 0
 #define SERVO 1
 #define STATES 6
+#define DONE 1
+#define OUTSIDE 2
+#define STEPS_LOST 4
+#define IDLE -2
+#define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
 #define SPEED_STEP_RAD_S 2.0
 #define SPEEDS 256
 #define AXES 3
@@ -698,9 +704,7 @@ typedef struct {
     int64_t began_ns;
     int64_t piece;
     double way_mm;
-    double x_mm;
-    double y_mm;
-    double z_mm;
+    double tool_mm[3];
     int64_t rest_ns;
     double led_mm;
     double deviation_mm;
@@ -721,9 +725,7 @@ _Static_assert(offsetof(TRACK, until_ns) == 56, "until_ns");
 _Static_assert(offsetof(TRACK, began_ns) == 64, "began_ns");
 _Static_assert(offsetof(TRACK, piece) == 72, "piece");
 _Static_assert(offsetof(TRACK, way_mm) == 80, "way_mm");
-_Static_assert(offsetof(TRACK, x_mm) == 88, "x_mm");
-_Static_assert(offsetof(TRACK, y_mm) == 96, "y_mm");
-_Static_assert(offsetof(TRACK, z_mm) == 104, "z_mm");
+_Static_assert(offsetof(TRACK, tool_mm) == 88, "tool_mm");
 _Static_assert(offsetof(TRACK, rest_ns) == 112, "rest_ns");
 _Static_assert(offsetof(TRACK, led_mm) == 120, "led_mm");
 _Static_assert(offsetof(TRACK, deviation_mm) == 128, "deviation_mm");
@@ -735,7 +737,7 @@ _Static_assert(offsetof(TRACK, reward_abort) == 168, "reward_abort");
 
 _Static_assert(sizeof(TRACK) == 176, "TRACK");
 
-TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; x_mm f8 88; y_mm f8 96; z_mm f8 104; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
+TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; tool_mm ('<f8', (3,)) 88; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
 
 typedef struct {
     double highest_hz;

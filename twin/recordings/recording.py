@@ -49,7 +49,7 @@ GROUPS: Final = {"level": "/levels", "input": "/inputs", "output": "/outputs"}  
 MOST_LOOKS = 100  # most samples that wait for each other and for those of the plant, to be written together
 _ERROR: Final = "position_error_mm"  # the field of a sample that follows from others
 _READ: Final = {"current": "current_fraction"}  # what is read for a field of another name
-PACKAGES: Final = ("mujoco", "numpy", "numba")
+PACKAGES: Final = ("mujoco", "numpy")
 
 
 class Sink(Protocol):

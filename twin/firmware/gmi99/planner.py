@@ -236,8 +236,3 @@ def _together(moves: Sequence[PreparedMove], rules: Rules, heading: Heading | No
         parts.append(pieces)
         heading = move.last
     return chain(parts) if parts else NOWHERE
-
-
-def warm_up() -> None:
-    """Call the compiled functions of this module."""
-    straight(np.eye(2, AXES), None, Rules())
