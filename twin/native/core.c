@@ -3,4 +3,7 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../capture/table.c"
+#include "../capture/vcd.c"
 #include "../plant/weighing.c"
+#include "../recordings/vcd.c"

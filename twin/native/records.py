@@ -7,10 +7,16 @@ from pathlib import Path
 
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
+MODULES = (  # import all others
+    "isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector", "isel_twin.capture.table",
+)  # fmt: skip
 # numbers that C has by the same name
 NUMBERS = {
+    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
+    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END"),
+    "isel_twin.capture.wave": ("LONGEST_NS",),
     "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
+    "isel_twin.recordings.vcd": ("PULSE_NS", "SETUP_NS"),
 }
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
