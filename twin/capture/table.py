@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.capture.vcd import ALL, EARLIER, NO_TIME, SCAN, gaps_of, scanned, waves_of

@@ -93,7 +93,10 @@ def build(target: Path | None = None, compiler: list[str] | None = None, extra: 
 
 
 def library() -> Path:
-    """The library beside this file; in a checkout whose C has changed it is built anew. Raises BuildError."""
+    """The library beside this file; in a checkout whose C has changed it is built anew. ISEL_TWIN_CORE names another
+    one, as it is: one with sanitizers, for example. Raises BuildError."""
+    if other := os.environ.get("ISEL_TWIN_CORE"):
+        return Path(other)
     path, files = HERE / f"core{SUFFIX}", sources()
     if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):
         return build(path)
