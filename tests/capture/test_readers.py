@@ -153,7 +153,7 @@ def test_halsampler_takes_a_rate(tmp_path: Path) -> None:
 
 def test_a_sample_number_beyond_31_years_at_its_rate_is_told(tmp_path: Path) -> None:
     path = written(tmp_path, "a.txt", "0 0 1\n1 1 1\n900000000000000000 0 1\n")
-    said = r"line 4: the time is beyond 31 years at 1000 samples a second; give the right --sample-rate"
+    said = r"a.txt: the last sample is beyond 31 years at 1000 samples a second; give the right --sample-rate"
     with pytest.raises(CaptureError, match=said):
         load(path, ["x.step=2,x.dir=3"], sample_rate_hz=1000)
 

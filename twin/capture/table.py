@@ -139,7 +139,7 @@ class Table:
             rate = round(self._rate_hz)
             last = last * SECOND_NS // rate
             if last > LONGEST_NS:
-                wrong = f"{self.path}: line {line}: the time is beyond 31 years at {rate} samples a second"
+                wrong = f"{self.path}: the last sample is beyond 31 years at {rate} samples a second"
                 raise CaptureError(f"{wrong}; give the right --sample-rate")
             for times, _ in pieces:
                 whole, rest = np.divmod(times, rate)
