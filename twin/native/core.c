@@ -3,6 +3,8 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../capture/table.c"
+#include "../capture/vcd.c"
 #include "../drives/curves.c"
 #include "../drives/drives.c"
 #include "../drives/stability.c"
@@ -10,4 +12,5 @@
 #include "../plant/glide.c"
 #include "../plant/touch.c"
 #include "../plant/kernel.c"
+#include "../recordings/vcd.c"
 #include "../../envs/tracking.c"

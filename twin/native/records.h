@@ -2,6 +2,20 @@
 #pragma once
 #include <stddef.h>
 
+#define IS_TIME -2
+#define NO_BIT 6
+#define SHORT_ROW 7
+#define TOO_LATE 8
+#define NO_COUNT 9
+#define ALL 63
+#define LOST 64
+#define FOUND 128
+#define NO_TIME 1
+#define EARLIER 2
+#define NO_VALUE 3
+#define NO_SIGNAL 4
+#define NO_END 5
+#define LONGEST_NS 1000000000000000000
 #define SLOW_RAD_S 1.0
 #define OPEN 0
 #define PHASE_A 1
@@ -36,6 +50,8 @@
 #define RING 2
 #define PLANE 3
 #define NEWS 2
+#define PULSE_NS 5000
+#define SETUP_NS 1000
 
 typedef struct {
     int64_t on;
@@ -646,6 +662,29 @@ _Static_assert(offsetof(LANE, rate_hz) == 56, "rate_hz");
 _Static_assert(sizeof(LANE) == 64, "LANE");
 
 TEXT layout_LANE = "highest_hz f8 0; steps_per_mm f8 8; half_slip f8 16; limit_rad_s f8 24; origin_mm f8 32; counter i8 40; fraction f8 48; rate_hz f8 56; 64";
+
+typedef struct {
+    int64_t place;
+    int64_t line;
+    int64_t time;
+    int64_t begin;
+    int64_t problem;
+    int64_t column;
+    int64_t rows;
+    int64_t part;
+} SCAN;
+_Static_assert(offsetof(SCAN, place) == 0, "place");
+_Static_assert(offsetof(SCAN, line) == 8, "line");
+_Static_assert(offsetof(SCAN, time) == 16, "time");
+_Static_assert(offsetof(SCAN, begin) == 24, "begin");
+_Static_assert(offsetof(SCAN, problem) == 32, "problem");
+_Static_assert(offsetof(SCAN, column) == 40, "column");
+_Static_assert(offsetof(SCAN, rows) == 48, "rows");
+_Static_assert(offsetof(SCAN, part) == 56, "part");
+
+_Static_assert(sizeof(SCAN) == 64, "SCAN");
+
+TEXT layout_SCAN = "place i8 0; line i8 8; time i8 16; begin i8 24; problem i8 32; column i8 40; rows i8 48; part i8 56; 64";
 
 typedef struct {
     PLANT *plant;

@@ -7,9 +7,12 @@ from pathlib import Path
 
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking")  # import all others
+MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.capture.table")  # import all others
 # numbers that C has by the same name
 NUMBERS = {
+    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
+    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END"),
+    "isel_twin.capture.wave": ("LONGEST_NS",),
     "isel_twin.core.seen": ("SLOW_RAD_S",),
     "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH"),
     "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
@@ -22,6 +25,7 @@ NUMBERS = {
         "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
     ),
     "isel_twin.plant.touch": ("BOX", "RING", "PLANE", "NEWS"),
+    "isel_twin.recordings.vcd": ("PULSE_NS", "SETUP_NS"),
 }  # fmt: skip
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
