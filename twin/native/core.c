@@ -3,4 +3,8 @@
 #include "exports.h"
 #include "records.h"
 
+#include "../motion/circle.c"
+#include "../motion/path.c"
+#include "../motion/spreading.c"
+#include "../motion/time_law.c"
 #include "../plant/weighing.c"

@@ -7,6 +7,43 @@
 #define SAME 2
 
 typedef struct {
+    int64_t first;
+    int64_t last;
+    int64_t t;
+    int64_t rest;
+    int64_t step;
+    int64_t step_rest;
+    int64_t den;
+    int64_t rounded;
+    int64_t sign;
+    int64_t s;
+    double s_rest;
+    double f0;
+    double two_a;
+    double two_units;
+    double t_rest;
+} PHASE;
+_Static_assert(offsetof(PHASE, first) == 0, "first");
+_Static_assert(offsetof(PHASE, last) == 8, "last");
+_Static_assert(offsetof(PHASE, t) == 16, "t");
+_Static_assert(offsetof(PHASE, rest) == 24, "rest");
+_Static_assert(offsetof(PHASE, step) == 32, "step");
+_Static_assert(offsetof(PHASE, step_rest) == 40, "step_rest");
+_Static_assert(offsetof(PHASE, den) == 48, "den");
+_Static_assert(offsetof(PHASE, rounded) == 56, "rounded");
+_Static_assert(offsetof(PHASE, sign) == 64, "sign");
+_Static_assert(offsetof(PHASE, s) == 72, "s");
+_Static_assert(offsetof(PHASE, s_rest) == 80, "s_rest");
+_Static_assert(offsetof(PHASE, f0) == 88, "f0");
+_Static_assert(offsetof(PHASE, two_a) == 96, "two_a");
+_Static_assert(offsetof(PHASE, two_units) == 104, "two_units");
+_Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
+
+_Static_assert(sizeof(PHASE) == 120, "PHASE");
+
+TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
+
+typedef struct {
     int64_t on;
     int64_t flutes;
     int64_t start;

@@ -7,7 +7,12 @@ from pathlib import Path
 
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
+MODULES = (  # these import all others
+    "isel_twin.motion.time_law",
+    "isel_twin.plant.memory",
+    "isel_twin.envs.tracking",
+    "isel_twin.envs.track_vector",
+)
 # numbers that C has by the same name
 NUMBERS = {
     "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
