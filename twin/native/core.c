@@ -4,6 +4,7 @@
 #include "records.h"
 
 #include "../motion/circle.c"
+#include "../motion/look_ahead.c"
 #include "../motion/path.c"
 #include "../motion/spreading.c"
 #include "../motion/time_law.c"

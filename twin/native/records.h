@@ -2,6 +2,8 @@
 #pragma once
 #include <stddef.h>
 
+#define FARTHEST 2147483648.0
+#define FRACTIONS 65536.0
 #define AXES 3
 #define KEPT 1
 #define SAME 2
@@ -42,6 +44,42 @@ _Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
 _Static_assert(sizeof(PHASE) == 120, "PHASE");
 
 TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
+
+typedef struct {
+    double length;
+    double speed;
+    double limit;
+    double acceleration;
+    double entry;
+} PLAN_PIECE;
+_Static_assert(offsetof(PLAN_PIECE, length) == 0, "length");
+_Static_assert(offsetof(PLAN_PIECE, speed) == 8, "speed");
+_Static_assert(offsetof(PLAN_PIECE, limit) == 16, "limit");
+_Static_assert(offsetof(PLAN_PIECE, acceleration) == 24, "acceleration");
+_Static_assert(offsetof(PLAN_PIECE, entry) == 32, "entry");
+
+_Static_assert(sizeof(PLAN_PIECE) == 40, "PLAN_PIECE");
+
+TEXT layout_PLAN_PIECE = "length f8 0; speed f8 8; limit f8 16; acceleration f8 24; entry f8 32; 40";
+
+typedef struct {
+    double t;
+    double dt;
+    double s0;
+    double s1;
+    double v0;
+    double v1;
+} PLAN_PHASE;
+_Static_assert(offsetof(PLAN_PHASE, t) == 0, "t");
+_Static_assert(offsetof(PLAN_PHASE, dt) == 8, "dt");
+_Static_assert(offsetof(PLAN_PHASE, s0) == 16, "s0");
+_Static_assert(offsetof(PLAN_PHASE, s1) == 24, "s1");
+_Static_assert(offsetof(PLAN_PHASE, v0) == 32, "v0");
+_Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
+
+_Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
+
+TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
 
 typedef struct {
     int64_t on;

@@ -8,6 +8,7 @@ from pathlib import Path
 from isel_twin.native.library import POINTED, RECORDS, layout
 
 MODULES = (  # these import all others
+    "isel_twin.motion.look_ahead",
     "isel_twin.motion.time_law",
     "isel_twin.plant.memory",
     "isel_twin.envs.tracking",
@@ -15,6 +16,7 @@ MODULES = (  # these import all others
 )
 # numbers that C has by the same name
 NUMBERS = {
+    "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
     "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
 }
 HEADER = Path(__file__).parent / "records.h"
