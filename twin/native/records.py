@@ -7,7 +7,10 @@ from pathlib import Path
 
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.capture.table")  # import all others
+MODULES = (  # these import all others
+    "isel_twin.capture.table", "isel_twin.envs.tracking", "isel_twin.motion.look_ahead", "isel_twin.motion.time_law",
+    "isel_twin.plant.memory",
+)  # fmt: skip
 # numbers that C has by the same name
 NUMBERS = {
     "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
@@ -20,6 +23,7 @@ NUMBERS = {
     "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
     "isel_twin.drives.stability": ("STATES",),
     "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
+    "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
     "isel_twin.plant.memory": (
         "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
