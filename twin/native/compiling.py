@@ -125,7 +125,10 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
 
 
 def library(source: Path = CORE) -> Path:
-    """The library beside its source; in a checkout whose C has changed it is built anew. Raises BuildError."""
+    """The library beside its source; in a checkout whose C has changed it is built anew. ISEL_TWIN_CORE names another
+    one for core.c, as it is: one with sanitizers, for example. Raises BuildError."""
+    if source == CORE and (other := os.environ.get("ISEL_TWIN_CORE")):
+        return Path(other)
     path, files = source.with_suffix(suffix()), sources(source)
     if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):
         return build(path, source=source)

@@ -2,6 +2,20 @@
 #pragma once
 #include <stddef.h>
 
+#define IS_TIME -2
+#define NO_BIT 6
+#define SHORT_ROW 7
+#define TOO_LATE 8
+#define NO_COUNT 9
+#define ALL 63
+#define LOST 64
+#define FOUND 128
+#define NO_TIME 1
+#define EARLIER 2
+#define NO_VALUE 3
+#define NO_SIGNAL 4
+#define NO_END 5
+#define LONGEST_NS 1000000000000000000
 #define SLOW_RAD_S 1.0
 #define OPEN 0
 #define PHASE_A 1
@@ -18,6 +32,8 @@
 #define STEPS_LOST 4
 #define IDLE -2
 #define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
+#define FARTHEST 2147483648.0
+#define FRACTIONS 65536.0
 #define SPEED_STEP_RAD_S 2.0
 #define SPEEDS 256
 #define AXES 3
@@ -36,6 +52,31 @@
 #define RING 2
 #define PLANE 3
 #define NEWS 2
+#define PULSE_NS 5000
+#define SETUP_NS 1000
+
+typedef struct {
+    int64_t place;
+    int64_t line;
+    int64_t time;
+    int64_t begin;
+    int64_t problem;
+    int64_t column;
+    int64_t rows;
+    int64_t part;
+} SCAN;
+_Static_assert(offsetof(SCAN, place) == 0, "place");
+_Static_assert(offsetof(SCAN, line) == 8, "line");
+_Static_assert(offsetof(SCAN, time) == 16, "time");
+_Static_assert(offsetof(SCAN, begin) == 24, "begin");
+_Static_assert(offsetof(SCAN, problem) == 32, "problem");
+_Static_assert(offsetof(SCAN, column) == 40, "column");
+_Static_assert(offsetof(SCAN, rows) == 48, "rows");
+_Static_assert(offsetof(SCAN, part) == 56, "part");
+
+_Static_assert(sizeof(SCAN) == 64, "SCAN");
+
+TEXT layout_SCAN = "place i8 0; line i8 8; time i8 16; begin i8 24; problem i8 32; column i8 40; rows i8 48; part i8 56; 64";
 
 typedef struct {
     int64_t on;
@@ -89,6 +130,43 @@ _Static_assert(offsetof(CUT, bend_m) == 176, "bend_m");
 _Static_assert(sizeof(CUT) == 192, "CUT");
 
 TEXT layout_CUT = "on i8 0; flutes i8 8; start i8 16; turns f8 24; tooth_s f8 32; gain f8 40; most_m_s f8 48; n_per_m f8 56; m f8 64; radial f8 72; edge_n f8 80; edge_radial_n f8 88; enter_rad f8 96; leave_rad f8 104; left f8 112; x_m_s f8 120; y_m_s f8 128; x_n f8 136; y_n f8 144; sum_x_n f8 152; sum_y_n f8 160; tool_m_per_n f8 168; bend_m ('<f8', (2,)) 176; 192";
+
+typedef struct {
+    int64_t first;
+    int64_t last;
+    int64_t t;
+    int64_t rest;
+    int64_t step;
+    int64_t step_rest;
+    int64_t den;
+    int64_t rounded;
+    int64_t sign;
+    int64_t s;
+    double s_rest;
+    double f0;
+    double two_a;
+    double two_units;
+    double t_rest;
+} PHASE;
+_Static_assert(offsetof(PHASE, first) == 0, "first");
+_Static_assert(offsetof(PHASE, last) == 8, "last");
+_Static_assert(offsetof(PHASE, t) == 16, "t");
+_Static_assert(offsetof(PHASE, rest) == 24, "rest");
+_Static_assert(offsetof(PHASE, step) == 32, "step");
+_Static_assert(offsetof(PHASE, step_rest) == 40, "step_rest");
+_Static_assert(offsetof(PHASE, den) == 48, "den");
+_Static_assert(offsetof(PHASE, rounded) == 56, "rounded");
+_Static_assert(offsetof(PHASE, sign) == 64, "sign");
+_Static_assert(offsetof(PHASE, s) == 72, "s");
+_Static_assert(offsetof(PHASE, s_rest) == 80, "s_rest");
+_Static_assert(offsetof(PHASE, f0) == 88, "f0");
+_Static_assert(offsetof(PHASE, two_a) == 96, "two_a");
+_Static_assert(offsetof(PHASE, two_units) == 104, "two_units");
+_Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
+
+_Static_assert(sizeof(PHASE) == 120, "PHASE");
+
+TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
 
 typedef struct {
     int64_t kind;
@@ -761,6 +839,42 @@ _Static_assert(offsetof(LANE, rate_hz) == 56, "rate_hz");
 _Static_assert(sizeof(LANE) == 64, "LANE");
 
 TEXT layout_LANE = "highest_hz f8 0; steps_per_mm f8 8; half_slip f8 16; limit_rad_s f8 24; origin_mm f8 32; counter i8 40; fraction f8 48; rate_hz f8 56; 64";
+
+typedef struct {
+    double length;
+    double speed;
+    double limit;
+    double acceleration;
+    double entry;
+} PLAN_PIECE;
+_Static_assert(offsetof(PLAN_PIECE, length) == 0, "length");
+_Static_assert(offsetof(PLAN_PIECE, speed) == 8, "speed");
+_Static_assert(offsetof(PLAN_PIECE, limit) == 16, "limit");
+_Static_assert(offsetof(PLAN_PIECE, acceleration) == 24, "acceleration");
+_Static_assert(offsetof(PLAN_PIECE, entry) == 32, "entry");
+
+_Static_assert(sizeof(PLAN_PIECE) == 40, "PLAN_PIECE");
+
+TEXT layout_PLAN_PIECE = "length f8 0; speed f8 8; limit f8 16; acceleration f8 24; entry f8 32; 40";
+
+typedef struct {
+    double t;
+    double dt;
+    double s0;
+    double s1;
+    double v0;
+    double v1;
+} PLAN_PHASE;
+_Static_assert(offsetof(PLAN_PHASE, t) == 0, "t");
+_Static_assert(offsetof(PLAN_PHASE, dt) == 8, "dt");
+_Static_assert(offsetof(PLAN_PHASE, s0) == 16, "s0");
+_Static_assert(offsetof(PLAN_PHASE, s1) == 24, "s1");
+_Static_assert(offsetof(PLAN_PHASE, v0) == 32, "v0");
+_Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
+
+_Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
+
+TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
 
 typedef struct {
     PLANT *plant;

@@ -81,14 +81,14 @@ def build(
         dof=frame.bare.axes,
         frame=frame,
         room=room,
-        begun=np.zeros_like(room),
+        begun=[part.copy() for part in room],
         inertia=np.zeros((nv, nv)),
         mobility=np.zeros((nv, nv)),
         weight=np.zeros(nv),
         **own,
     )
     _power_on(built, laid)
-    built.begun[:] = room
+    _copy(room, built.begun)
     _fill(built, start_mm, None)
     return built
 
@@ -98,7 +98,7 @@ def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Bu
     they are to be rebuilt for the machine they were for."""
     scratch = built.scratch if built.scratch is not built.data else mujoco.MjData(built.model)
     worn, built = built.machine, replace(built, machine=machine, scratch=scratch)
-    built.room[:] = built.begun
+    _copy(built.begun, built.room)
     _fill(built, start_mm, worn)
     return built
 
@@ -106,12 +106,12 @@ def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Bu
 def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> None:
     """All numbers of the machine, at power-on. worn: whose numbers are there already; None: nobody's."""
     _wear(built, worn)
-    begun = built.room.copy()
+    begun = [part.copy() for part in built.room]
     data, parts, dof = built.data, built.parts, built.dof
     _stand(built, start_mm)
     weigh(built, data)
     check_steps(built)
-    built.begun[:] = begun
+    _copy(begun, built.begun)
     written_out(built.frame.slides, built.model, built.scratch, built.mobility, built.weight, parts.joints_law)
     parts.mobility[:] = built.mobility
     if built.scratch is data:
@@ -127,6 +127,11 @@ def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> 
     core.begin_window(built.memory)
     if parts.feeler["on"][0]:
         core.feel_now(built.memory)
+
+
+def _copy(source: list[NDArray[np.uint8]], target: list[NDArray[np.uint8]]) -> None:
+    for have, into in zip(source, target, strict=True):
+        into[:] = have
 
 
 def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
@@ -158,9 +163,9 @@ def find_free(parts: Parts) -> None:
 
 def _parts(
     model: mujoco.MjModel, data: mujoco.MjData, thresholds: int, commands: int, targets: int
-) -> tuple[Parts, dict[str, NDArray[Any]], NDArray[np.uint8]]:
-    """All arrays of the loop, those of `Built` that go with them, and the room in which both are, one behind the other,
-    but what is MuJoCo's. The numbers come later."""
+) -> tuple[Parts, dict[str, NDArray[Any]], list[NDArray[np.uint8]]]:
+    """All arrays of the loop, those of `Built` that go with them, and the bytes of both but what is MuJoCo's: each in
+    memory of its own, so that a sanitizer sees who goes beyond. The numbers come later."""
     nv, pairs, three = model.nv, len(data.sensordata), memory.AXES
     laid: dict[str, tuple[tuple[int, ...], Any]] = {
         "plant": ((1,), memory.PLANT),
@@ -194,11 +199,8 @@ def _parts(
         "brake_nm": ((three,), np.float64),
         "closed": ((three,), np.bool_),
     }
-    sizes = {name: math.prod(shape) * np.dtype(kind).itemsize for name, (shape, kind) in laid.items()}
-    room, first, own = np.zeros(sum(sizes.values()), np.uint8), 0, {}
-    for name, (shape, kind) in laid.items():
-        own[name] = room[first : first + sizes[name]].view(kind).reshape(shape)
-        first += sizes[name]
+    room = [np.zeros(math.prod(shape) * np.dtype(kind).itemsize, np.uint8) for shape, kind in laid.values()]
+    own = {name: part.view(kind).reshape(shape) for part, (name, (shape, kind)) in zip(room, laid.items(), strict=True)}
     parts = Parts(
         samples=np.zeros((memory.SAMPLES, 4 + 2 * (nv + commands) + 3 * memory.AXES)),
         found=data.sensordata,
