@@ -1,7 +1,7 @@
 """The Gymnasium environment of set points: a few milliseconds of step frequency for each axis, along a path.
 
 reset   the machine stands at the start of the path, stages on, with the payload, friction, ... of this episode
-step    action -> pulses -> drives and machine -> position of the tool -> observation, reward     (tracking.py)
+step    action -> pulses -> drives and machine -> position of the tool -> observation, reward     (tracking.c)
 
 The agent replaces the controller. `reset` rebuilds only a changed machine, and even then not its model
 (`isel_twin.plant.model.load_model`) (envs/7).
@@ -21,11 +21,11 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
-from isel_twin.envs.tracking import LANE, LOST, OUTSIDE, REWARDS, SIZE, TRACK
+from isel_twin.envs.tracking import LANE, OUTSIDE, PLACE, REWARDS, SIZE, STEPS_LOST, TRACK, place_of
 from isel_twin.envs.variations import VARIATIONS, checked, limits_rad_s, varied
 from isel_twin.machine import Machine, load_machine, with_overrides
+from isel_twin.native import core
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.plant.picture import has_screen
@@ -235,11 +235,12 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._begun = self._track.copy(), self._lanes.copy()  # at the start of an episode
         self._supply = math.nan  # factor for which they have the limits of the motors
         most = 3 * (math.ceil(highest_hz * self.step_s) + 2)
-        self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32), np.zeros(0, np.int64)
+        self._pulses = np.zeros(most, np.int64), np.zeros((most, 3), np.int32)
         self.path_mm = np.zeros((0, 4))  # of this episode in pieces: X, Y, Z from its start, and the distance along it
         self._shape_mm = np.zeros((3, 0))
-        self.at_work: tuple[Any, ...] = ()  # until the next reset: arguments of `take_step` but action and observation
-        self.steps_left = 0  # steps until the time limit, 0: no episode; callers that use `at_work` count themselves
+        self.place = np.zeros(0, PLACE)  # [1] until the next reset: where what it works on is
+        self._at_work: tuple[NDArray[Any], ...] = ()  # what is there
+        self.steps_left = 0  # steps until the time limit, 0: no episode; callers that use `place` count themselves
         self._steps = max(1, round(time_limit_s / self.step_s))
         self._picture: Picture | None = None
         self._window: Window | None = None
@@ -256,11 +257,11 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         """Make a step. Raises ResetNeeded if the episode is over, ValueError for an action that is none."""
         if not self.steps_left:
             raise gymnasium.error.ResetNeeded("the episode is over; call reset() before step()")
-        values = np.asarray(action, np.float64)
+        values = np.ascontiguousarray(action, np.float64)
         if values.shape != (3,):
             raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
         observation = np.empty(SIZE)
-        over = tracking.take_step(*self.at_work, values, observation)
+        over: int = core.take_step(self.place, values, observation)
         if over < 0:
             raise ValueError(f"action is {action!r}; it must be three finite numbers from -1 to 1")
         self.steps_left -= 1
@@ -320,7 +321,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """For pickle: only the state of the plant."""
         state = self.__dict__.copy()
-        for name in ("_plant", "_stands", "_settled", "at_work", "_now", "_picture", "_window"):
+        for name in ("_plant", "_stands", "_settled", "place", "_at_work", "_now", "_picture", "_window"):
             state.pop(name, None)
         state["standing"] = self._plant.save() if self._plant is not None else None
         return state
@@ -329,7 +330,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         standing = state.pop("standing")
         self.__dict__.update(state)
         self._plant, self._stands, self._settled, self._picture, self._window = None, (), {}, None, None
-        self._now = self._track[0]
+        self._now, self.place, self._at_work = self._track[0], np.zeros(0, PLACE), ()
         if standing is not None:
             self._stand()
             self._bind()
@@ -354,7 +355,7 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         self._lanes["origin_mm"] = self._plant.position_mm + off_mm
         self._bind()
         observation = np.empty(SIZE)
-        tracking.begin(*self.at_work[:5], observation)
+        core.begin_episode(self.place, observation)
         self.steps_left = self._steps
         return observation
 
@@ -383,9 +384,8 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
 
     def _bind(self) -> None:
         assert self._plant is not None
-        self.at_work = (
-            self._plant.memory, self._track, self._lanes, self._shape_mm, self.path_mm, *self._pulses,
-        )  # fmt: skip
+        self._at_work = self._plant.memory, self._track, self._lanes, self._shape_mm, self.path_mm, *self._pulses
+        self.place = place_of(self._at_work)
 
     def _start_mm(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """float64 [3], start of the path in machine coordinates: in the middle of the travel, if it fits there."""
@@ -404,14 +404,13 @@ class TrackPath(gymnasium.Env[NDArray[np.float64], NDArray[np.float32]]):
         return {name: float(value) for name, value in infos(self._now).items()}
 
     def aim(self, asked: NDArray[np.float64], feed_mm_s: float, offset_mm: float) -> NDArray[np.float32]:
-        """float32 [3], the action that leads the counters along the path (`tracking.aim`). Raises ResetNeeded before
+        """float32 [3], the action that leads the counters along the path (tracking.c). Raises ResetNeeded before
         the first reset."""
-        if not self.at_work:
+        if not len(self.place):
             raise gymnasium.error.ResetNeeded("there is no machine yet; call reset() before step()")
-        action = np.empty(3, np.float32)
-        _, tracks, lanes, _, path, *_ = self.at_work
-        tracking.aim(tracks, lanes, path, feed_mm_s, offset_mm, asked, action)
-        return action
+        action = np.empty(3)
+        core.aim(self.place, feed_mm_s, offset_mm, np.ascontiguousarray(asked, np.float64), action)
+        return action.astype(np.float32)
 
     # For vectors of environments (track_vector.py)
 
@@ -433,5 +432,5 @@ def infos(track: Any) -> dict[str, Any]:
 
 
 def ended(over: int) -> str:
-    """How an episode ended, by what `tracking.take_step` returned; 0 or less: its time was over."""
-    return "time" if over <= 0 else "lost steps" if over & LOST else "outside" if over & OUTSIDE else "done"
+    """How an episode ended, by what its last step returned; 0 or less: its time was over."""
+    return "time" if over <= 0 else "lost steps" if over & STEPS_LOST else "outside" if over & OUTSIDE else "done"

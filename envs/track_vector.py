@@ -2,12 +2,12 @@
 
     envs = gymnasium.make_vec("isel_twin.envs:isel_twin/TrackPath-v0", num_envs=64, path="random")
 
-        actions [n, 3] --->  thread 0: environments 0 .. k    take_step, take_step, ...   no Python, no lock
+        actions [n, 3] --->  thread 0: environments 0 .. k    step, step, ...   no Python, no lock
                              thread 1: environments k+1 ..    ...
                        --->  observations [n, 35], rewards [n], ...
 
-Each environment gives the same bits as alone: the same `take_step` on the same arrays (tracking.py), by their
-addresses. The environments make their resets themselves, one after the other.
+Each environment gives the same bits as alone: the same step on the same arrays (tracking.c), by their addresses. The
+environments make their resets themselves, one after the other.
 """
 
 from __future__ import annotations
@@ -24,62 +24,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from isel_twin.base.compiling import contains, njit
-from isel_twin.envs import tracking
 from isel_twin.envs.track import TrackPath, ended, infos
-from isel_twin.envs.tracking import LANE, SIZE, TRACK, aim, take_step
+from isel_twin.envs.tracking import IDLE, LANE, PLACE, SIZE, TRACK
 from isel_twin.envs.wrappers import AlongPath, Randomised
-from isel_twin.native import record
-from isel_twin.plant.memory import AXES, MEMORY, array_at
+from isel_twin.native import core
+from isel_twin.plant.memory import AXES
 
-_ARRAYS = ("memory", "track", "lanes", "shape_mm", "path", "t_ns", "delta")
-# Addresses of an environment's arrays, and their lengths.
-PLACE = record(
-    "PLACE",
-    [(name, "i8") for name in (*_ARRAYS, "joints", "points", "pulses")],
-    {
-        "memory": "MEMORY",
-        "track": "TRACK",
-        "lanes": "LANE",
-        "shape_mm": "double",
-        "path": "double",
-        "t_ns": "int64_t",
-        "delta": "int32_t",
-    },
-)
-_NO_LEADS = np.zeros(0, np.int64)
-_TIME = -1  # instead of a result of `take_step`: the time is over
-_IDLE = -2  # instead of a result of `take_step`: this environment makes no step
-
-
-@njit(nogil=True, error_model="numpy")
-def take_steps(places, no_leads, along, asked, actions, observations, overs, first, last):
-    """`take_step` for the environments first .. last - 1, except those whose `overs` is _IDLE.
-
-    places [n] PLACE, actions float64 [n, 3], observations float64 [n, SIZE], overs int64 [n]: what each returns. along
-    [2]: `feed_mm_s` and `offset_mm` of `aim`, which fills in the actions from asked [n, 4] unless the feed is 0.
-    """
-    for k in range(first, last):
-        if overs[k] == _IDLE:
-            continue
-        place = places[k]
-        track = array_at(place.track, (1,), TRACK)
-        lanes = array_at(place.lanes, (AXES,), LANE)
-        path = array_at(place.path, (place.points, 4), np.float64)
-        if along[0] > 0.0:
-            aim(track, lanes, path, along[0], along[1], asked[k], actions[k])
-        overs[k] = take_step(
-            array_at(place.memory, (1,), MEMORY),
-            track,
-            lanes,
-            array_at(place.shape_mm, (AXES, place.joints), np.float64),
-            path,
-            array_at(place.t_ns, (place.pulses,), np.int64),
-            array_at(place.delta, (place.pulses, AXES), np.int32),
-            no_leads,
-            actions[k],
-            observations[k],
-        )
+_TIME = -1  # instead of a result of a step: the time is over
 
 
 class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
@@ -119,10 +70,10 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         envs: list[gymnasium.Env[Any, Any]] = list(tracks)
         if randomised:
             envs = [Randomised(env, **randomised) for env in envs]
-        self._along = np.zeros(2)
+        self._along = 0.0, 0.0  # `feed_mm_s` and `offset_mm`
         if along is not None:
             led = [AlongPath(env, **along) for env in envs]
-            self._along[:] = led[0].feed_mm_s, led[0].offset_mm
+            self._along = led[0].feed_mm_s, led[0].offset_mm
             envs = list(led)
         self.envs = tuple(envs)  # for inspection; do not step them
         self._tracks = tracks
@@ -169,20 +120,20 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         """Make a step in each. Raises ResetNeeded before the first reset, ValueError for invalid actions."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset() before step()")
-        values = np.ascontiguousarray(asked, np.float64)
+        values = np.array(asked, np.float64, order="C")
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(f"actions must be finite numbers, shape {self.action_space.shape}")
         observations = np.empty((self.num_envs, SIZE))
         idle = self._left == 0
-        overs = np.where(idle, _IDLE, 0)
+        overs = np.where(idle, IDLE, 0)
         actions = np.empty((self.num_envs, AXES)) if self._along[0] > 0.0 else values
-        arguments: tuple[Any, ...] = (self._places, _NO_LEADS, self._along, values, actions, observations, overs)
+        arguments: tuple[Any, ...] = (self._places, *self._along, values, actions, observations, overs)
         if self._pool is None:
-            take_steps(*arguments, 0, self.num_envs)
+            core.take_steps(*arguments, 0, self.num_envs)
         else:
-            others = [self._pool.submit(take_steps, *arguments, *ends) for ends in self._stretches[1:]]
+            others = [self._pool.submit(core.take_steps, *arguments, *ends) for ends in self._stretches[1:]]
             try:
-                take_steps(*arguments, *self._stretches[0])  # meanwhile
+                core.take_steps(*arguments, *self._stretches[0])  # meanwhile
             finally:
                 for done in others:
                     done.result()
@@ -212,9 +163,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
 
     def _begin(self, k: int, seed: int | None) -> NDArray[np.float64]:
         observation, _ = self.envs[k].reset(seed=seed, options=self._options)
-        parts = self._tracks[k].at_work[: len(_ARRAYS)]
-        _, _, _, shape_mm, path, t_ns, _ = parts
-        self._places[k] = (*(part.ctypes.data for part in parts), shape_mm.shape[1], len(path), len(t_ns))
+        self._places[k] = self._tracks[k].place[0]
         steps = self._tracks[k].steps_left
         self._left[k] = steps if self._most_steps is None else min(steps, self._most_steps)
         return observation
@@ -230,7 +179,7 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
         return {**self._infos(np.zeros_like(overs)), **finals}
 
     def _infos(self, overs: NDArray[np.int64]) -> dict[str, Any]:
-        """Infos in the form of Gymnasium's vector environments. overs: results of `take_step`, or _TIME."""
+        """Infos in the form of Gymnasium's vector environments. overs: results of the step, or _TIME."""
         everyone = np.ones(self.num_envs, dtype=np.bool_)
         said: dict[str, Any] = {}
         for name, value in infos(self._track).items():
@@ -239,6 +188,3 @@ class TrackVector(VectorEnv[NDArray[np.float64], NDArray[np.float32], Any]):
             said["ended"] = np.array([ended(int(over)) if over else None for over in overs], dtype=object)
             said["_ended"] = overs != 0
         return said
-
-
-contains(__name__, tracking.__file__, *tracking.CONTAINED)

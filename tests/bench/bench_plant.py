@@ -16,7 +16,6 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.machine import Machine, load_machine, with_overrides
@@ -25,7 +24,6 @@ from isel_twin.plant import Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
-from isel_twin.plant.native import call_mj_step
 
 START_MM = np.array([100.0, 100.0, 30.0])
 STEPS = 20_000
@@ -71,13 +69,7 @@ def there_and_back(plant: Any, led: bool = False) -> Callable[[], None]:
     return move
 
 
-@njit(nogil=True)
-def _steps(function: int, model: int, data: int, n: int) -> None:  # type: ignore[no-untyped-def]
-    for _ in range(n):
-        call_mj_step(function, model, data)
-
-
-def bare(plant: MujocoPlant, model: mujoco.MjModel) -> Callable[[], None]:
+def bare(model: mujoco.MjModel) -> Callable[[], None]:
     """Each call makes the MuJoCo steps of one move and nothing else, with all carriages moving."""
     n = round(SECONDS / model.opt.timestep)
     dof = [model.joint(name).dofadr[0] for name in "xyz"]
@@ -86,7 +78,7 @@ def bare(plant: MujocoPlant, model: mujoco.MjModel) -> Callable[[], None]:
         data = mujoco.MjData(model)
         data.qpos[dof] = START_MM * 1e-3
         data.qvel[dof] = 0.03
-        _steps(int(plant.parts.plant["mj_step"][0]), model._address, data._address, n)
+        mujoco.mj_step(model, data, nstep=n)
 
     return run
 
@@ -108,7 +100,7 @@ def test_plant_beside_bare_mujoco(benchmark: Any) -> None:
     """Interleaved, so that a busy machine troubles both alike."""
     machine = load_machine("4030")
     plant = powered(machine)
-    move, step, step_drawn = there_and_back(plant), bare(plant, plant.model), bare(plant, load_model(machine))
+    move, step, step_drawn = there_and_back(plant), bare(plant.model), bare(load_model(machine))
     for warm in (move, step, step_drawn):
         warm()
     beside: list[float] = []

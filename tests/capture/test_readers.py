@@ -151,6 +151,13 @@ def test_halsampler_takes_a_rate(tmp_path: Path) -> None:
     assert (plain.t_ns.tolist(), plain.end_ns) == (T_NS, 75_000)
 
 
+def test_a_sample_number_beyond_31_years_at_its_rate_is_told(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.txt", "0 0 1\n1 1 1\n900000000000000000 0 1\n")
+    said = r"a.txt: the last sample is beyond 31 years at 1000 samples a second; give the right --sample-rate"
+    with pytest.raises(CaptureError, match=said):
+        load(path, ["x.step=2,x.dir=3"], sample_rate_hz=1000)
+
+
 def test_an_overrun_of_halsampler_is_a_gap(tmp_path: Path) -> None:
     """Its numbers go on behind the missing samples."""
     lines = HALSAMPLER.splitlines(keepends=True)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from drives.energy import stored_energy_j
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.drives.curves import follow, mean_command
-from isel_twin.drives.dynamics import axis_parameters, step_axis
+from isel_twin.drives.dynamics import axis_parameters
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
+from isel_twin.native import Core
 
+rigs = Core(Path(__file__).with_name("rigs.c"))
 DT = 25e-6
 
 X_AXIS = Screw(inertia_kgm2=4.3e-5, coulomb_nm=0.12, viscous_nm_s_per_rad=2e-4)
@@ -62,19 +63,6 @@ def travel(
     return Outcome(float(lost), rotor_rad, bool(states["at_rest"][0]))
 
 
-@njit(cache=True)
-def _couple(parameters, states, command, phases, mass_kg, push_n, x_m, v_m_s, record):
-    p, s = parameters[0], states[0]
-    for k in range(record.shape[1]):
-        x_m += 0.5 * p.dt_s * v_m_s
-        force_n = step_axis(p, s, command[k], phases, 1.0, x_m, v_m_s, 0.0)
-        v_m_s += p.dt_s * (force_n + push_n) / mass_kg
-        x_m += 0.5 * p.dt_s * v_m_s
-        energy_j = stored_energy_j(p, s, x_m) + 0.5 * mass_kg * v_m_s**2 - push_n * x_m
-        record[0, k], record[1, k], record[2, k], record[3, k] = s.theta_rad, s.omega_rad_s, x_m, v_m_s
-        record[4, k], record[5, k], record[6, k] = force_n, energy_j, s.at_rest
-
-
 @dataclass(frozen=True)
 class Record:
     """What a rig did, float64 [n] each."""
@@ -103,8 +91,8 @@ class Rig:
 
     def follow(self, command: NDArray[np.float64], *, phases: int, push_n: float = 0.0) -> Record:
         """The same along a command for each sub-step."""
-        record = np.zeros((7, len(command)))
+        record = np.zeros((len(command), 7))
         start = self.x_m, self.v_m_s
-        _couple(self.parameters, self.state, command, phases, self.mass_kg, push_n, *start, record)
-        self.x_m, self.v_m_s = record[2:4, -1]
-        return Record(*record)
+        rigs.couple(self.parameters, self.state, command, phases, self.mass_kg, push_n, *start, record)
+        self.x_m, self.v_m_s = record[-1, 2:4]
+        return Record(*record.T)

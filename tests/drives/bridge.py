@@ -19,9 +19,10 @@ the current has reached the reference, until the next tick. Off means
        | /     \_/     \_
        +---|-------|------ ticks of 50 us
 
-Two solvers of the same right-hand side: `run` steps through it by the classical Runge-Kutta rule, compiled, ten steps
-in a tick or more, and looks at the currents once a step; `run_adaptive` gives it to SciPy's DOP853 piece by piece, from
-switching to switching, with an event where a current reaches its reference. It is slow, and shows that `run` is right.
+Two solvers of the same right-hand side: `run` steps through it by the classical Runge-Kutta rule, in C (solver.c), ten
+steps in a tick or more, and looks at the currents once a step; `run_adaptive` gives it to SciPy's DOP853 piece by
+piece, from switching to switching, with an event where a current reaches its reference. It is slow, and shows that
+`run` is right.
 """
 
 from __future__ import annotations
@@ -29,11 +30,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from isel_twin.native import Core
+
+_bridge = Core(Path(__file__).with_name("solver.c"))
 SLOW, MIXED, AUTO = 0, 1, 2
 
 
@@ -76,100 +80,24 @@ class Rig:
         )  # fmt: skip
 
 
-@njit(cache=True)
-def slope(y, rig, v_a, v_b, load, out):
-    """Right-hand side: y = i_A, i_B, th, w."""
-    r, inductance, km, j, detent, iron, knee = rig[0], rig[1], rig[2], rig[3], rig[4], rig[5], rig[6]
-    angle = rig[10] * y[2]
-    s, c = math.sin(angle), math.cos(angle)
-    w = y[3]
-    out[0] = (v_a - r * y[0] + km * w * s) / inductance
-    out[1] = (v_b - r * y[1] - km * w * c) / inductance
-    out[2] = w
-    torque = km * (y[1] * c - y[0] * s) - detent * math.sin(4.0 * angle)
-    out[3] = (torque - iron * w / (1.0 + (w / knee) ** 2) - rig[11] * w - load) / j
-
-
-@njit(cache=True)
-def moved(y, dt, slope, out):
-    """y + dt slope, in `out`."""
-    for i in range(4):
-        out[i] = y[i] + dt * slope[i]
-    return out
-
-
-@njit(cache=True)
-def counter(t, start_rate, rate, ramp):
-    """Steps at t: the rate rises from start_rate to rate within `ramp`, as 3 q^2 - 2 q^3."""
-    q = min(t / ramp, 1.0)
-    return start_rate * t + (rate - start_rate) * (ramp * q**3 * (1.0 - 0.5 * q) + max(t - ramp, 0.0))
-
-
-@njit(cache=True)
-def run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick):
+def run(
+    rig: NDArray[np.float64],
+    start_rate: float,
+    rate: float,
+    ramp: float,
+    hold: float,
+    load: float,
+    rise: float,
+    steps_per_tick: int,
+) -> tuple[float, float, float]:
     """Where it ends: seconds until the rotor lags four full steps (or the end), the rotor angle, the mean motor torque
     over the last half of `hold`.
 
     The load rises to `load` within `rise` seconds after the ramp, as 3 q^2 - 2 q^3, and is there at once if rise is 0.
     """
-    supply, amplitude, micro, teeth = rig[7], rig[8], rig[9], rig[10]
-    tick = rig[14]
-    dt = tick / steps_per_tick
-    y = np.zeros(4)
-    y[3] = start_rate / micro / (4.0 * teeth) * 2.0 * math.pi
-    k1, k2, k3, k4, at = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
-    per_step = 0.5 * math.pi / micro
-    state = np.zeros(2, np.int64)  # of each phase: 1 on, 2 against the supply, 0 short-circuited
-    sign, v, ref, last, fast_until = np.ones(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    falls = np.zeros(2, np.bool_)
-    mean_lag = 0.0
-    share = 1.0 - math.exp(-rig[16] * dt)
-    torque, count = 0.0, 0
-    for period in range(int((ramp + hold) / tick + 0.5)):
-        for sub in range(steps_per_tick):
-            t = period * tick + sub * dt
-            phase = counter(t, start_rate, rate, ramp)
-            phi = math.floor(phase + 1e-9) * per_step
-            if abs(phi - teeth * y[2]) > 2.0 * math.pi:
-                return t, y[2], 0.0
-            if rig[15] > 0.0:
-                lag = phase * per_step - teeth * y[2]  # the drive smooths its pulses
-                if period == 0 and sub == 0:
-                    mean_lag = lag
-                mean_lag += (lag - mean_lag) * share
-                phi += rig[15] * (lag - mean_lag)
-            ref[0], ref[1] = amplitude * math.cos(phi), amplitude * math.sin(phi)
-            for p in range(2):
-                if sub == 0:
-                    falls[p] = abs(ref[p]) < abs(last[p])
-                    last[p] = ref[p]
-                    sign[p] = 1.0 if ref[p] >= 0.0 else -1.0
-                    state[p] = 1
-                if state[p] == 1 and y[p] * sign[p] >= abs(ref[p]):
-                    state[p] = 2 if rig[12] == 1 or (rig[12] == 2 and falls[p]) else 0
-                    fast_until[p] = t + rig[13] * tick
-                if state[p] == 2 and (t >= fast_until[p] or abs(y[p]) < 1e-3):
-                    state[p] = 0
-                if state[p] == 1:
-                    v[p] = supply * sign[p]
-                elif state[p] == 2:
-                    v[p] = -supply if y[p] > 0.0 else supply
-                else:
-                    v[p] = 0.0
-            now = load
-            if rise > 0.0:
-                q = min(max((t - ramp) / rise, 0.0), 1.0)
-                now = load * q * q * (3.0 - 2.0 * q)
-            slope(y, rig, v[0], v[1], now, k1)
-            slope(moved(y, 0.5 * dt, k1, at), rig, v[0], v[1], now, k2)
-            slope(moved(y, 0.5 * dt, k2, at), rig, v[0], v[1], now, k3)
-            slope(moved(y, dt, k3, at), rig, v[0], v[1], now, k4)
-            for i in range(4):
-                y[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
-            if t > ramp + 0.5 * hold:
-                torque += rig[2] * (y[1] * math.cos(teeth * y[2]) - y[0] * math.sin(teeth * y[2]))
-                count += 1
-    return ramp + hold, y[2], torque / max(count, 1)
+    found = np.zeros(3)
+    _bridge.run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick, found)
+    return tuple(found.tolist())
 
 
 def run_adaptive(rig: Rig, rate: float, hold: float, load: float) -> tuple[float, float]:
@@ -218,7 +146,7 @@ def run_adaptive(rig: Rig, rate: float, hold: float, load: float) -> tuple[float
 
         def right(_: float, y: NDArray[np.float64], v: list[float] = v) -> NDArray[np.float64]:
             out = np.zeros(4)
-            slope(y, a, v[0], v[1], load, out)
+            _bridge.slope(y, a, v[0], v[1], load, out)
             return out
 
         piece = solve_ivp(right, (t, stop), y, "DOP853", events=events, rtol=1e-8, atol=1e-9, dense_output=True)

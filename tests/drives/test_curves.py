@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from drives.published import CURVE_C, CURVE_D, DRIVE_C, DRIVE_D, POINTS, dm542t
 
-from isel_twin.drives import curves as module
 from isel_twin.drives.curves import (
     pull_in_rate,
     pull_out_envelope,
     pull_out_prediction,
+    pull_out_predictions,
     pull_out_torque,
     resonance_hz,
     starts_in_step,
@@ -268,22 +268,41 @@ def test_a_rate_that_makes_no_sense_is_refused(rate_hz: float) -> None:
         starts_in_step(NEMA23, dm542t(48), rate_hz)
 
 
-class Floats(list[float]):
-    """Numbers of Python's own, whose squares are Python's; [n] as arrays have it."""
+def predicted_nm(motor: Motor, stage: Stage, rpm: float, current_a: float) -> float:
+    """The second closed form in complex numbers; current_a: g I."""
+    w, km = rpm * 2.0 * math.pi / 60.0, motor.torque_constant_nm_per_a
+    impedance = complex(motor.resistance_ohm + stage.extra_resistance_ohm, motor.pole_pairs * w * motor.inductance_h)
+    centre, radius = -1j * w * km / impedance, 0.5 * (stage.drive_v + stage.supply_v) / abs(impedance)
 
-    @property
-    def shape(self) -> tuple[int]:
-        return (len(self),)
+    def highest(radius: float) -> complex:
+        top = centre + 1j * radius
+        if abs(1j * current_a - centre) <= radius:
+            return 1j * current_a
+        if abs(top) <= current_a:
+            return top
+        along = (current_a**2 - radius**2 + abs(centre) ** 2) / (2.0 * abs(centre))
+        if along >= current_a:
+            return 0j
+        crossings = (
+            centre / abs(centre) * complex(along, sign * math.sqrt(current_a**2 - along**2)) for sign in (1, -1)
+        )
+        return max(crossings, key=lambda i: i.imag)
+
+    i = highest(radius)
+    if 0.0 < abs(i) < current_a * (1.0 - 1e-9):
+        x = current_a / abs(i)
+        i = highest(radius * 2.0 / math.pi * (x * math.asin(1.0 / x) + math.sqrt(1.0 - 1.0 / x**2)))
+    return max(0.0, km * i.imag - motor.iron_torque_nm(w))
 
 
 @pytest.mark.parametrize("stage", [Stage(48.0, 4.2), Stage(24.0, 2.0, microsteps=2), Stage(80.0, 3.0, microsteps=1)])
-def test_compiled_the_closed_form_has_the_bits_of_python(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_prediction_is_its_closed_form_at_every_speed(stage: Stage) -> None:
     rpm = np.linspace(0.0, 4900.0, 400)
-    motor = replace(NEMA23, iron_loss_ohm=31.7, iron_knee_rad_s=8.3)
-    compiled = module.pull_out_predictions(motor, stage, rpm)
-    iron = module.iron_torques(motor, rpm)
-    assert iron.tolist() == [motor.iron_torque_nm(speed) for speed in rpm.tolist()]
-    assert compiled.max() > 0.3
-    monkeypatch.setattr(module, "_highest", module._highest.py_func)
-    monkeypatch.setattr(module, "_predict", module._predict.py_func)
-    assert module.pull_out_predictions(motor, stage, Floats(rpm.tolist())).tolist() == compiled.tolist()  # type: ignore
+    motor = replace(NEMA23, iron_loss_ohm=31.7, iron_knee_rad_s=8.3).at_current(stage.vector_a)
+    half_step = math.pi / 4 / stage.microsteps
+    current_a = stage.vector_a * math.sin(half_step) / half_step
+    expected = [predicted_nm(motor, stage, speed, current_a) for speed in rpm.tolist()]
+    found = pull_out_predictions(motor, stage, rpm)
+    assert found.max() > 0.3
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert pull_out_prediction(motor, stage, 300.0) == pull_out_predictions(motor, stage, np.array([300.0]))[0]

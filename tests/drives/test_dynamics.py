@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from drives.axis import DT, Rig, trapezoid
-from drives.energy import stored_energy_j
+from drives.axis import DT, Rig, rigs, trapezoid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,12 +18,12 @@ from isel_twin.drives.dynamics import (
     PHASE_A,
     PHASE_B,
     axis_parameters,
-    step_axis,
 )
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.screw import Screw
-from isel_twin.drives.shaft import AXIS_STATE, at_rest, axis_states
+from isel_twin.drives.shaft import AXIS_STATE, axis_states
 from isel_twin.drives.stage import Stage
+from isel_twin.native import core
 from tests.thorough import drawn
 
 pytestmark = pytest.mark.long(seconds=7)
@@ -46,7 +45,7 @@ def test_breakaway(share: float, moves: bool) -> None:
     parameters = axis_parameters(NO_DETENT, Stage(48, 4.2), Screw(coulomb_nm=0.1, breakaway_ratio=1.3), DT)
     states = axis_states(1)
     for _ in range(1000):
-        step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, -share * 0.13)
+        core.step_axis(parameters, states, 0.0, OPEN, 1.0, 0.0, 0.0, -share * 0.13)
     assert (states["omega_rad_s"][0] * math.copysign(1, share) > 0) == moves
     assert (states["theta_rad"][0] != 0.0) == moves
 
@@ -57,11 +56,11 @@ def test_nothing_creeps_at_rest() -> None:
     states = axis_states(1)
     states["omega_rad_s"] = 5.0
     for _ in range(8000):
-        step_axis(parameters[0], states[0], 3.0, BOTH, 1.0, 0.0, 0.0, 0.065)
-    assert at_rest(states[0])
+        core.step_axis(parameters, states, 3.0, BOTH, 1.0, 0.0, 0.0, 0.065)
+    assert states["at_rest"][0]
     before = states.tobytes()
     for _ in range(8000):
-        step_axis(parameters[0], states[0], 3.0, BOTH, 1.0, 0.0, 0.0, 0.065)
+        core.step_axis(parameters, states, 3.0, BOTH, 1.0, 0.0, 0.0, 0.065)
     assert states.tobytes() == before
 
 
@@ -75,7 +74,7 @@ def test_friction_stops_a_shaft_after_the_time_of_the_closed_form() -> None:
     states["omega_rad_s"] = 60.0
     steps = 0
     while states["omega_rad_s"][0] > 0.0:
-        step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 0.0, OPEN, 1.0, 0.0, 0.0, 0.0)
         steps += 1
     assert steps * DT == pytest.approx(inertia / drag * math.log(1 + drag * 60.0 / coulomb), rel=1e-3, abs=2 * DT)
     assert states["omega_rad_s"][0] == 0.0
@@ -87,7 +86,7 @@ def test_a_limp_rotor_feels_the_iron_drag_with_its_knee(speed: float) -> None:
     bare = dataclasses.replace(NO_DETENT, iron_loss_ohm=40.0, iron_knee_rad_s=60.0)
     parameters, states = axis_parameters(bare, Stage(48, 4.2), Screw(), DT), axis_states(1)
     states["omega_rad_s"] = speed
-    step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, 0.0)
+    core.step_axis(parameters, states, 0.0, OPEN, 1.0, 0.0, 0.0, 0.0)
     torque = (speed - states["omega_rad_s"][0]) / DT * bare.rotor_inertia_kgm2
     km = 2.40 / (math.sqrt(2) * 4.0)
     assert torque == pytest.approx(km**2 / 40.0 * speed / (1 + (speed / 60.0) ** 2), rel=2e-3)
@@ -102,11 +101,11 @@ def swing_after_a_kick(gain: float, microsteps: int) -> float:
     motor = dataclasses.replace(NO_DETENT, iron_loss_ohm=math.inf)
     parameters, states = axis_parameters(motor, damped(gain, microsteps), Screw(), DT), axis_states(1)
     for _ in range(2000):
-        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
     states["omega_rad_s"] += 3.0
     angles = []
     for k in range(2400):
-        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
         if k >= 1200:
             angles.append(states["theta_rad"][0])
     return float(np.ptp(angles))
@@ -134,10 +133,10 @@ def test_a_damped_drive_comes_to_rest_bit_for_bit() -> None:
     states["omega_rad_s"] = 5.0
     for phases in (BOTH, OPEN, BOTH):
         for _ in range(8000):
-            step_axis(parameters[0], states[0], 3.0, phases, 1.0, 0.0, 0.0, 0.065)
-        assert at_rest(states[0])
+            core.step_axis(parameters, states, 3.0, phases, 1.0, 0.0, 0.0, 0.065)
+        assert states["at_rest"][0]
         before = states.tobytes()
-        step_axis(parameters[0], states[0], 3.0, phases, 1.0, 0.0, 0.0, 0.065)
+        core.step_axis(parameters, states, 3.0, phases, 1.0, 0.0, 0.0, 0.065)
         assert states.tobytes() == before
 
 
@@ -149,7 +148,7 @@ def test_friction_at_rest_is_higher_than_in_motion() -> None:
     turning["omega_rad_s"] = 20.0
     for _ in range(4000):
         for states in (standing, turning):
-            step_axis(parameters[0], states[0], 0.0, OPEN, 1.0, 0.0, 0.0, -0.14)
+            core.step_axis(parameters, states, 0.0, OPEN, 1.0, 0.0, 0.0, -0.14)
     assert standing["theta_rad"][0] == 0.0
     # In motion the load of 0.14 Nm leaves 0.04 Nm for the iron drag: w = 0.04 / 3.75e-3.
     drag = NO_DETENT.torque_constant_nm_per_a**2 / 48.0
@@ -244,10 +243,10 @@ def test_a_limp_rotor_falls_into_a_detent_position() -> None:
         states = axis_states(1)
         for phases in (BOTH, OPEN):
             for _ in range(20_000):
-                step_axis(parameters[0], states[0], command, phases, 1.0, 0.0, 0.0, 0.0)
+                core.step_axis(parameters, states, command, phases, 1.0, 0.0, 0.0, 0.0)
         full_steps = states["theta_rad"][0] / FULL_STEP_RAD
         assert full_steps == pytest.approx(round(command / 8), abs=0.02)
-        assert at_rest(states[0])
+        assert states["at_rest"][0]
 
 
 @pytest.mark.parametrize(("turned", "settles"), [(0.3, 0), (1.7, 0), (2.3, 4), (5.4, 4), (-3.0, -4), (6.2, 8)])
@@ -257,7 +256,7 @@ def test_power_on_pulls_a_moved_rotor_to_the_nearest_phase(turned: float, settle
     states = axis_states(1)
     states["theta_rad"] = turned * FULL_STEP_RAD
     for _ in range(20_000):
-        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
     assert states["theta_rad"][0] / FULL_STEP_RAD == pytest.approx(settles, abs=0.05)
 
 
@@ -265,7 +264,7 @@ def test_power_on_pulls_a_moved_rotor_to_the_nearest_phase(turned: float, settle
 def test_a_broken_phase_carries_no_current(phases: int, lives: str, dead: str) -> None:
     parameters, states = axis_parameters(NEMA23, Stage(48, 4.2), Screw(coulomb_nm=0.05), DT), axis_states(1)
     for _ in range(2000):
-        step_axis(parameters[0], states[0], 4.0, phases, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 4.0, phases, 1.0, 0.0, 0.0, 0.0)
     assert states[f"current_{dead}_a"][0] == 0.0
     assert states[f"current_{lives}_a"][0] == pytest.approx(4.2 * math.sqrt(0.5))
 
@@ -280,7 +279,7 @@ def test_current_rises_as_the_supply_and_the_inductance_allow() -> None:
     states = axis_states(1)
     resistance, voltage = 0.65 + stage.extra_resistance_ohm, 36 * stage.supply_factor
     for k in range(1, 60):
-        step_axis(parameters[0], states[0], 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
+        core.step_axis(parameters, states, 0.0, BOTH, 1.0, 0.0, 0.0, 0.0)
         free = voltage / resistance * (1 - math.exp(-resistance * k * DT / 3.2e-3))
         assert states["current_a_a"][0] == pytest.approx(min(4.2, free), rel=1e-9)
         assert states["current_b_a"][0] == 0.0
@@ -300,7 +299,7 @@ def test_current_wave_of_the_stage(microsteps: int, wave: list[tuple[float, floa
     for turn in (0, 3, -2):
         for k, (a, b) in enumerate(wave):
             for _ in range(200):
-                step_axis(parameters[0], states[0], float(turn * len(wave) + k), BOTH, 0.5, 0.0, 0.0, 0.0)
+                core.step_axis(parameters, states, float(turn * len(wave) + k), BOTH, 0.5, 0.0, 0.0, 0.0)
             assert states["current_a_a"][0] == pytest.approx(0.5 * 4.2 * a, abs=1e-9)
             assert states["current_b_a"][0] == pytest.approx(0.5 * 4.2 * b, abs=1e-9)
 
@@ -312,7 +311,7 @@ def test_the_rotor_stands_where_the_counter_says_in_every_mode(microsteps: int) 
     for full_step in range(-2, 3):
         states["theta_rad"] = (full_step + 0.4) * FULL_STEP_RAD
         for _ in range(20_000):
-            step_axis(parameters[0], states[0], float(full_step * microsteps), BOTH, 1.0, 0.0, 0.0, 0.0)
+            core.step_axis(parameters, states, float(full_step * microsteps), BOTH, 1.0, 0.0, 0.0, 0.0)
         assert states["theta_rad"][0] / FULL_STEP_RAD == pytest.approx(full_step, abs=0.002)
 
 
@@ -348,7 +347,7 @@ def test_a_drive_without_current_never_gains_energy(
     inertia = NEMA23.rotor_inertia_kgm2 + screw.inertia_kgm2
     spring = screw.stiffness_n_per_m * (1 / mass_kg + screw.travel_m_per_rad**2 / inertia)
     breath = 0.5 * DT**2 * (spring + 4 * 50 * 0.06 / inertia)
-    start_j = stored_energy_j(rig.parameters[0], rig.state[0], 0.0) + 0.5 * mass_kg * v_m_s**2
+    start_j = rigs.stored_energy_j(rig.parameters, rig.state, 0.0) + 0.5 * mass_kg * v_m_s**2
     ride = rig.run(0.25, push_n=push_n)
     way_m = DT * np.max(np.abs(ride.v_m_s) + screw.travel_m_per_rad * np.abs(ride.omega_rad_s))
     touch_j = 2 * screw.stiffness_n_per_m * way_m**2 if screw.backlash_mm else 0.0
@@ -382,7 +381,7 @@ def test_finite_arguments_give_finite_results(
     parameters, states = axis_parameters(NEMA23, Stage(48, 4.2), PLAY_FREE, DT), axis_states(1)
     states["theta_rad"], states["omega_rad_s"] = theta, omega
     for _ in range(5):
-        step_axis(parameters[0], states[0], command, phases, 1.0, x_m, v_m_s, load_nm)
+        core.step_axis(parameters, states, command, phases, 1.0, x_m, v_m_s, load_nm)
     assert all(np.isfinite(states[name][0]) for name in AXIS_STATE.names)
 
 

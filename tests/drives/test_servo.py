@@ -16,19 +16,19 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from drives.energy import stored_energy_j
+from drives.axis import rigs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 from numpy.typing import NDArray
 
 from isel_twin.cli.motor import motor as motor_command
 from isel_twin.drives.screw import Screw
-from isel_twin.drives.servo import LAG_FAULT, cool, forget, servo_parameters, servo_torque, step_servo
+from isel_twin.drives.servo import LAG_FAULT, forget, servo_parameters
 from isel_twin.drives.servo_drive import ServoDrive, ServoMotor
 from isel_twin.drives.servo_report import servo_table
 from isel_twin.drives.shaft import axis_states
 from isel_twin.machine import load_machine
+from isel_twin.native import core
 from tests.thorough import drawn
 
 DT = 25e-6
@@ -42,24 +42,6 @@ FINE = replace(DRIVE, increments_per_rev=5_000_000, lag_limit=4e6)
 RAD = 2 * math.pi / FINE.increments_per_rev
 
 
-@njit()
-def _ride(p, s, commands, phases, load_nm, seen):
-    for k in range(commands.shape[0]):
-        step_servo(p[0], s[0], commands[k], phases, 1.0, 0.0, 0.0, load_nm[k])
-        seen[k, 0], seen[k, 1], seen[k, 2] = s[0].theta_rad, s[0].omega_rad_s, s[0].current_a_a
-        seen[k, 3], seen[k, 4], seen[k, 5] = s[0].voltage_v, s[0].error, s[0].heat
-
-
-@njit()
-def _couple(p, s, phases, mass_kg, push_n, x_m, v_m_s, energy_j):
-    for k in range(energy_j.shape[0]):
-        x_m += 0.5 * p[0].dt_s * v_m_s
-        force_n = step_servo(p[0], s[0], 0.0, phases, 1.0, x_m, v_m_s, 0.0)
-        v_m_s += p[0].dt_s * (force_n + push_n) / mass_kg
-        x_m += 0.5 * p[0].dt_s * v_m_s
-        energy_j[k] = stored_energy_j(p[0], s[0], x_m) + 0.5 * mass_kg * v_m_s**2 - push_n * x_m
-
-
 class Rotor:
     """A drive with its motor and nothing on the shaft, or what a screw puts there."""
 
@@ -70,7 +52,8 @@ class Rotor:
         """float64 [n, 6]: angle, speed, current, voltage, error, heat after each sub-step."""
         commands = np.asarray(commands, dtype=np.float64)
         seen = np.zeros((len(commands), 6))
-        _ride(self.p, self.s, commands, phases, np.broadcast_to(np.asarray(load_nm, float), len(commands)).copy(), seen)
+        loads = np.broadcast_to(np.asarray(load_nm, float), len(commands)).copy()
+        rigs.ride(self.p, self.s, commands, phases, loads, seen)
         return seen
 
     def stay(self, seconds: float, command: float = 0.0, **others) -> NDArray[np.float64]:
@@ -201,7 +184,7 @@ def test_i2t_holds_the_current_down_to_the_rated_one():
 def test_what_i2t_becomes_in_a_rest_is_what_it_becomes_sub_step_by_sub_step():
     rotor = Rotor()
     rotor.s["heat"] = 0.7
-    told = cool(rotor.p[0], rotor.s[0], 80_000)
+    told = core.cooled(rotor.p, rotor.s, 80_000)
     rotor.stay(80_000 * DT)
     assert told == pytest.approx(0.7 * math.exp(-80_000 * DT / 4.0), rel=1e-9)
     assert rotor.s["heat"][0] == pytest.approx(told, rel=1e-9)
@@ -211,7 +194,7 @@ def steadiness(rotor: Rotor, command: float, substeps: int) -> list[bool]:
     """Whether each sub-step says that the ones behind it will be the same."""
     said = []
     for _ in range(substeps):
-        said.append(bool(servo_torque(rotor.p[0], rotor.s[0], command, ON)[2]))
+        said.append(bool(rigs.steady(rotor.p, rotor.s, command, ON)))
         rotor.stay(rotor.dt_s, command)
     return said
 
@@ -246,7 +229,7 @@ def test_beyond_its_following_error_it_is_off_in_that_very_sub_step():
     assert not seen[:, 2].any()
     rotor.stay(0.01, phases=OFF)
     assert rotor.s["fault"][0] == LAG_FAULT
-    forget(rotor.s[0])
+    forget(rotor.s)
     seen = rotor.stay(0.1, 4001.0)
     assert not seen.any(), "it stays where it stands and takes that for the place it is told"
     assert rotor.s["fault"][0] == 0
@@ -298,14 +281,14 @@ def test_a_drive_without_current_never_gains_energy(
     rotor.s["omega_rad_s"] = omega
     rotor.s["fault"] = LAG_FAULT if faulty else 0
     total = MOTOR.rotor_inertia_kgm2 + inertia
-    start_j = stored_energy_j(rotor.p[0], rotor.s[0], 0.0)
-    energy = np.zeros(round(0.25 / DT))
-    _couple(rotor.p, rotor.s, ON if faulty else OFF, mass_kg, push_n, 0.0, 0.0, energy)
+    start_j = rigs.stored_energy_j(rotor.p, rotor.s, 0.0)
+    record = np.zeros((round(0.25 / DT), 7))
+    rigs.couple(rotor.p, rotor.s, np.zeros(len(record)), ON if faulty else OFF, mass_kg, push_n, 0.0, 0.0, record)
     fastest = max(abs(omega) * screw.travel_m_per_rad, abs(push_n) / mass_kg * 0.25) * 2.0
     breath = 0.5 * DT**2 * stiffness * (1 / mass_kg + screw.travel_m_per_rad**2 / total)
     touch_j = 2 * stiffness * (DT * fastest) ** 2 if backlash else 0.0
     turnover_j = start_j + abs(push_n) * fastest * 0.25 + 1e-9
-    energy = np.concatenate([[start_j], energy])
+    energy = np.concatenate([[start_j], record[:, 5]])
     rounding_j = 1e-12 * turnover_j
     assert np.max(energy - np.minimum.accumulate(energy)) <= breath * turnover_j + touch_j + rounding_j
 

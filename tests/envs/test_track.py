@@ -24,6 +24,8 @@ from isel_twin.envs import tracking
 from isel_twin.envs.paths import lay_path, sampled
 from isel_twin.envs.track import TrackPath
 from isel_twin.envs.variations import VARIATIONS, varied
+from isel_twin.native import core
+from isel_twin.plant.memory import MEMORY
 from isel_twin.plant.mujoco import MujocoPlant
 
 ID = "isel_twin.envs:isel_twin/TrackPath-v0"
@@ -82,7 +84,7 @@ def test_pulses_are_evenly_spaced_whatever_the_steps() -> None:
     t_ns, delta = np.zeros(1000, np.int64), np.zeros((1000, 3), np.int32)
     seen: list[tuple[NDArray[np.int64], NDArray[np.int32]]] = []
     for step in range(100):
-        n = tracking.lay_pulses(lanes, step * 2_000_000, 2_000_000, t_ns, delta)
+        n = core.lay_pulses(lanes, step * 2_000_000, 2_000_000, t_ns, delta)
         seen.append((t_ns[:n].copy(), delta[:n].copy()))
     times, changes = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     assert (np.diff(times) >= 0).all()
@@ -136,7 +138,7 @@ def test_there_and_back_ends_where_it_began() -> None:
     t_ns, delta = np.zeros(1000, np.int64), np.zeros((1000, 3), np.int32)
     for rate_hz in (777.0, 16_000.0, -16_000.0, -777.0):
         lanes["rate_hz"] = rate_hz
-        tracking.lay_pulses(lanes, 0, 2_000_000, t_ns, delta)
+        core.lay_pulses(lanes, 0, 2_000_000, t_ns, delta)
     assert (lanes["counter"] == 0).all()
 
 
@@ -364,14 +366,15 @@ def test_a_sampled_path_keeps_its_corners() -> None:
 
 def test_the_nearest_point_of_a_path_that_crosses_itself_is_on_the_branch_that_one_is_on() -> None:
     path = sampled(np.array([(0, 0, 0), (10, 0, 0), (10, 5, 0), (5, 5, 0), (5, -5, 0.0)]))
-    track = np.zeros(1, tracking.TRACK)[0]
+    track = np.zeros(1, tracking.TRACK)
+    lanes, unused = np.zeros(3, tracking.LANE), (np.zeros(0, np.int64), np.zeros((0, 3), np.int32))
+    where = tracking.place_of((np.zeros(1, MEMORY), track, lanes, np.zeros((3, 0)), path, *unused))
     for way_mm, place in ((4.98, (4.99, 0.01, 0.0)), (5.02, (5.03, 0.01, 0.0))):
         track["way_mm"], track["piece"] = way_mm, round(way_mm * 10)
-        track["x_mm"], track["y_mm"] = place[0] - 0.02, 0.01
-        assert tracking.follow(path, track, *place) == pytest.approx(place[0] - way_mm, abs=1e-9)
-        nearest = tracking.place_on(path, track["piece"], track["way_mm"])
-        np.testing.assert_allclose(nearest, (place[0], 0.0, 0.0), atol=1e-9)
-        assert track["deviation_mm"] == pytest.approx(0.01)
+        track["tool_mm"] = place[0] - 0.02, 0.01, 0.0
+        assert core.follow_tool(where, np.array(place)) == pytest.approx(place[0] - way_mm, abs=1e-9)
+        assert track["way_mm"][0] == pytest.approx(place[0], abs=1e-9), "as far along the way as along X"
+        assert track["deviation_mm"][0] == pytest.approx(0.01)
 
 
 def test_a_picture_shows_path_and_machine_or_one_line_says_what_is_missing() -> None:

@@ -5,15 +5,17 @@
     bytes fd               the host sends these bytes, in hexadecimal
     run 0.5                time passes
     set hood open          something is operated
+    sample 0.001           from now on samples are taken every 1 ms
 
 The first word of a session's name says which controller it is for. "\\x01" at the end of a line is the byte 01h; no CR
-follows it then.
+follows it then, nor "\\n", the end of a line of `external`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from golden import machine_sessions
 from golden.session import Action, Session
 
 LIMIT_S = 120.0
@@ -185,7 +187,8 @@ def _ismif_stop(*masters: str) -> str:
     return f"{ISMIF_HOMED}> #E1,3000\\x01\n>> L1,X8000\\x01\nrun 1.2\n{stops}> @X\n> @LX\n"
 
 
-SCRIPTS: dict[str, tuple[dict[str, Any], str]] = {
+SCRIPTS: dict[str, tuple[Any, ...]] = {
+    **machine_sessions.SCRIPTS,
     "imc-s8 readme": ({}, HOMED + "> @0M16000,10000,8000,10000,0,10000,0,30\n"),
     "imc-s8 hosts pipelined": ({}, "bytes 4030370d403052370d4030500d\nrun 30.0\n"),
     "imc-s8 hosts job": ({}, JOB),
@@ -257,7 +260,7 @@ SCRIPTS: dict[str, tuple[dict[str, Any], str]] = {
         "run 0.6\n>> L1,X2000\\x01\nrun 0.1\nset hood open\nrun 2.0\n",
     ),
 }
-"""Name -> keyword arguments of the twin beside controller and plant, and script."""
+"""Name -> keyword arguments of the twin beside controller and plant, script, and a scenario if there is one."""
 
 
 def script(text: str) -> tuple[Action, ...]:
@@ -277,15 +280,17 @@ def _action(line: str) -> Action:
             return ("run", float(rest), 1)
         case ["set", rest]:
             return ("set", *rest.split(" "))
+        case ["sample", rest]:
+            return ("sample", float(rest))
     raise ValueError(f"no action of a script: {line!r}")
 
 
 def _with_end(text: str) -> bytes:
-    data = text.replace("\\x01", "\x01").encode("latin-1")
-    return data if data.endswith(b"\x01") else data + b"\r"
+    data = text.replace("\\x01", "\x01").replace("\\n", "\n").encode("latin-1")
+    return data if data.endswith((b"\x01", b"\n")) else data + b"\r"
 
 
 def fixed_session(name: str, plant: str) -> Session:
     """The session of that name on a plant."""
-    options, text = SCRIPTS[name]
-    return Session({"controller": name.split(" ")[0], "plant": plant, **options}, script(text))
+    options, text, *scenario = SCRIPTS[name]
+    return Session({"controller": name.split(" ")[0], "plant": plant, **options}, script(text), *scenario)

@@ -6,6 +6,7 @@ Only the public contract of `isel_twin.Twin` is used, so that sessions outlive w
     ("run", seconds, slices)     time passes in so many pieces, the host reads after each
     ("ask", b"...", limit_s)     the host sends bytes and reads until the answer is complete, at most so long
     ("set", name, state)         something is operated
+    ("sample", interval_s)       from now on samples are taken, and are part of what it did
 
 and after each the host reads.
 """
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from golden.digest import digest, switches_full_steps
 from numpy.typing import NDArray
 
 from isel_twin import Twin
+from isel_twin.core.sampling import TwinSamples
 
 Action = tuple[Any, ...]
 
@@ -53,6 +55,7 @@ class Played:
     steps: Any
     counts: NDArray[np.int64]
     position_mm: NDArray[np.float64]
+    samples: tuple[NDArray[np.float64], ...] = ()  # flat, in the order in which they came
 
 
 def play(session: Session, detour: Callable[[Twin], Twin] | None = None) -> Played:
@@ -62,6 +65,10 @@ def play(session: Session, detour: Callable[[Twin], Twin] | None = None) -> Play
     """
     twin = build(session)
     replies: list[tuple[int, bytes]] = []
+    samples: list[NDArray[np.float64]] = []
+
+    def take(taken: TwinSamples) -> None:
+        samples.extend(np.asarray(getattr(taken, each.name), np.float64).ravel() for each in fields(taken))
 
     def read() -> bytes:
         data = twin.read()
@@ -77,6 +84,8 @@ def play(session: Session, detour: Callable[[Twin], Twin] | None = None) -> Play
                 twin.write(*values)
             case "set":
                 twin.set_input(*values)
+            case "sample":
+                assert twin.sample(take, round(values[0] * 1e9)) is not None
             case "run":
                 seconds, slices = values
                 for _ in range(slices):
@@ -99,7 +108,8 @@ def play(session: Session, detour: Callable[[Twin], Twin] | None = None) -> Play
         read()
     twin.run(LAST_RUN_S)
     read()
-    return Played(replies, twin.steps, twin.counts, twin.position_mm)
+    twin.sample_no_more(take)
+    return Played(replies, twin.steps, twin.counts, twin.position_mm, tuple(samples))
 
 
 def build(session: Session, **changes: Any) -> Twin:
@@ -120,5 +130,5 @@ def digest_of(session: Session, detour: Callable[[Twin], Twin] | None = None) ->
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     physics = session.options["plant"] == "mujoco"
-    positions = None if session.coarse and physics else played.position_mm
+    positions = None if session.coarse and physics else np.concatenate((played.position_mm, *played.samples))
     return digest(played.replies, played.steps, played.counts, positions, session.coarse)

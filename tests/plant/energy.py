@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from drives.energy import stored_energy_j
 
-from isel_twin.plant.glide import glide
+from isel_twin.native import core
 from isel_twin.plant.prepared import Built
 
 
@@ -32,7 +32,7 @@ def mechanical_energy_j(built: Built) -> float:
         went_s = 1e-9 * made * built.machine.timing.substep_ns
         scratch = np.empty((3, len(rates)))
         scratch[0] = data.qpos
-        glide(parts.joints_law.copy(), parts.mobility, went_s, scratch[0], rates, *scratch[1:], forces_n)
+        core.glide_once(parts.joints_law.copy(), parts.mobility, went_s, scratch[0], rates, *scratch[1:], forces_n)
     way = 0.5 * went_s * (data.qvel + rates)
     rates[dof] = axes["v_m_s"]
     joints = 0.5 * (parts.before + data.qpos) + way

@@ -11,9 +11,9 @@ import pytest
 
 from isel_twin import Twin
 from isel_twin.base.parameters import Place
+from isel_twin.native import core
 from isel_twin.plant.cutting import CUT, Cut, set_cut, tool_m_per_n
 from isel_twin.plant.materials import MATERIALS
-from isel_twin.plant.teeth import bite
 from isel_twin.wiring import event_now
 
 from .conftest import MS, Bench, ramp_ns, ticks
@@ -64,7 +64,7 @@ def bites(cut: Cut, velocity_m_s: Sequence[float], count: int, left: float = 1.0
     cuts["x_m_s"], cuts["y_m_s"] = velocity_m_s
     forces = []
     for now in range(count):
-        bite(cuts[0], now, *velocity_m_s)
+        core.bite_once(cuts, now, *velocity_m_s)
         forces.append((cuts["x_n"][0], cuts["y_n"][0]))
     return np.array(forces)
 
@@ -156,7 +156,7 @@ def test_every_tooth_begins_on_the_left_when_the_cut_begins(start, left):
     set_cut(cuts, cut, start, SUBSTEP_S, left)
     cuts["y_m_s"] = 0.02
     for n in range(400):
-        bite(cuts[0], start + n, 0.0, 0.02)
+        core.bite_once(cuts, start + n, 0.0, 0.02)
         phi = 2.0 * math.pi * (n + 0.5) / 400.0
         tangential_n = 800e6 * 0.5e-3 * 0.02 * 0.01 * max(0.0, math.sin(phi))
         expected = (-left * tangential_n * math.sin(phi), -tangential_n * math.cos(phi))
@@ -169,7 +169,7 @@ def test_a_chip_is_the_way_of_a_whole_tooth(way):
     cuts = np.zeros(1, CUT)
     set_cut(cuts, dataclasses.replace(SLOT, flutes=2), 0, SUBSTEP_S, 1.0)
     for now in range(200):
-        bite(cuts[0], now, *way)
+        core.bite_once(cuts, now, *way)
     share = 1.0 - math.exp(-1.0)
     np.testing.assert_allclose((cuts["x_m_s"][0], cuts["y_m_s"][0]), share * np.array(way), rtol=1e-12, atol=1e-18)
     force_n = np.array([cuts["x_n"][0], cuts["y_n"][0]])
@@ -183,7 +183,7 @@ def test_a_sum_of_a_window_is_what_its_sub_steps_made(climb):
     set_cut(cuts, dataclasses.replace(SLOT, climb=climb), 0, SUBSTEP_S, 1.0)
     forces = []
     for now in range(20):
-        bite(cuts[0], now, 0.02, 0.01)
+        core.bite_once(cuts, now, 0.02, 0.01)
         forces.append((cuts["x_n"][0], cuts["y_n"][0]))
     total = np.sum(forces, axis=0)
     set_cut(cuts, None, 20, SUBSTEP_S, 1.0)

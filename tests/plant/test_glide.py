@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from isel_twin.machine import load_machine, machine_names, models_folder, with_overrides
-from isel_twin.plant.glide import glide, gliding
+from isel_twin.native import core
+from isel_twin.plant.glide import gliding
 from isel_twin.plant.model import load_model
 from isel_twin.plant.mujoco import MujocoPlant
 from isel_twin.plant.reach import DEFLECTION_M
@@ -53,7 +54,7 @@ def test_a_step_is_mujocos(machine: str, place: float, speed: tuple[float, ...],
     data.qpos[:] = joints["low_m"] + place * (joints["high_m"] - joints["low_m"])
     data.qvel[:], data.qfrc_applied[:] = speed[: model.nv], force[: model.nv]
     q, v, a, a0 = (array.copy() for array in (data.qpos, data.qvel, data.qacc, data.qacc_smooth))
-    glide(joints, mobility, model.opt.timestep, q, v, a, a0, data.qfrc_applied)
+    core.glide_once(joints, mobility, model.opt.timestep, q, v, a, a0, data.qfrc_applied)
     mujoco.mj_step(model, data)
     np.testing.assert_allclose(v, data.qvel, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(q, data.qpos, rtol=0.0, atol=1e-12)

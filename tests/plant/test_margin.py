@@ -10,7 +10,8 @@ import pytest
 from isel_twin import Twin
 from isel_twin.drives.library import MOTORS
 from isel_twin.drives.stage import Stage
-from isel_twin.plant.margin import SPEED_STEP_RAD_S, SPEEDS, available_torque, margin
+from isel_twin.native import core
+from isel_twin.plant.margin import SPEED_STEP_RAD_S, SPEEDS, available_torque
 
 from .conftest import PERIOD, ramp_ns, ticks
 
@@ -150,19 +151,20 @@ def test_between_two_speeds_of_the_table_it_is_interpolated_and_beyond_the_last_
     table = 1.0 + 0.01 * np.arange(SPEEDS)
     for place, largest in ((0.0, 1.0), (2.0, 1.02), (2.25, 1.0225), (SPEEDS - 1.5, 3.545), (SPEEDS - 1, 3.55)):
         for sense in (1.0, -1.0):
-            left = margin(sense * 0.5, 0.0, -sense * place * SPEED_STEP_RAD_S, table, 10.0)
+            left = core.margin_at(table, sense * 0.5, 0.0, -sense * place * SPEED_STEP_RAD_S, 10.0)
             assert left == pytest.approx(1.0 - 0.5 / largest, rel=1e-12)
-    assert margin(0.25, 0.0, 0.0, table, 0.5) == pytest.approx(0.5, rel=1e-12), (
+    assert core.margin_at(table, 0.25, 0.0, 0.0, 0.5) == pytest.approx(0.5, rel=1e-12), (
         "half the current, half of the first one"
     )
     for beyond in (SPEEDS, SPEEDS + 3, 1e6):
-        assert margin(0.5, 0.0, beyond * SPEED_STEP_RAD_S, table, 10.0) == pytest.approx(1.0 - 0.5 / 3.55, rel=1e-12)
+        left = core.margin_at(table, 0.5, 0.0, beyond * SPEED_STEP_RAD_S, 10.0)
+        assert left == pytest.approx(1.0 - 0.5 / 3.55, rel=1e-12)
 
 
 @pytest.mark.parametrize(("lag", "left"), [(0.0, 1.0), (1.0, 0.5), (-1.5, 0.25), (2.0, 0.0), (3.0, 0.5), (-8.5, 0.75)])
 def test_by_angle_it_is_what_is_left_to_two_full_steps_of_the_nearest_place(lag, left):
     """Places where the motor would hold as well are four full steps apart."""
-    assert margin(0.0, lag, 0.0, np.ones(SPEEDS), 1.0) == pytest.approx(left)
+    assert core.margin_at(np.ones(SPEEDS), 0.0, lag, 0.0, 1.0) == pytest.approx(left)
 
 
 def test_where_there_is_no_torque_left_after_iron_loss_there_is_none():
@@ -171,4 +173,4 @@ def test_where_there_is_no_torque_left_after_iron_loss_there_is_none():
     beyond = round(2000.0 * math.pi / 30.0 / SPEED_STEP_RAD_S)
     assert table[0] > 1.0
     assert (table[beyond:] == 0.0).all()
-    assert margin(0.1, 0.0, 400.0, table, 1.0) == 0.0
+    assert core.margin_at(table, 0.1, 0.0, 400.0, 1.0) == 0.0

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from isel_twin import Twin
 from isel_twin.machine import Fixture, Machine, MachineError, load_machine, with_fixtures, with_overrides
+from isel_twin.native import core
 from isel_twin.plant import Plant, Threshold
 from isel_twin.plant.kinematic import KinematicPlant
 from isel_twin.plant.mujoco import MujocoPlant
-from isel_twin.plant.touch import distance, feel, feelers, targets
+from isel_twin.plant.touch import FEELER, feelers, targets
 
 TABLE_MM = 147.0
 """Z of the tool's point on the table of the 4030."""
@@ -52,9 +53,23 @@ def points(fixture: Fixture, n: int = 80) -> NDArray[np.float64]:
     return np.stack([x, y, TABLE_MM - fixture.at_mm[2] - local[:, 2]], axis=-1)
 
 
+def feel(feeler: NDArray[np.void], found: NDArray[np.void], *place_m: float) -> None:
+    """Let a feeler be with the tool's point at this place."""
+    core.first_felt(feeler, found, 1e3 * np.array([place_m]), 0.0, 0)
+
+
+def distance(target: NDArray[np.void], *place_m: float) -> tuple[float, ...]:
+    """Distance from a target [1], and where it grows: deflection and push of a ball of 1 m that pushes with 1 N."""
+    ball = np.zeros(1, FEELER)
+    ball["radius_m"] = ball["force_n"] = ball["force_z_n"] = 1.0
+    ball["over_m"] = math.inf
+    feel(ball, target, *place_m)
+    return 1.0 - float(ball["deflected_m"][0]), *ball["push_n"][0].tolist()
+
+
 @pytest.mark.parametrize("fixture", [BOX, POST, RING], ids=lambda one: one.name)
 def test_distances_are_those_of_the_nearest_point_of_the_surface(fixture: Fixture) -> None:
-    record = targets(machine(fixture), TABLE_MM, 3.0)[0]
+    record = targets(machine(fixture), TABLE_MM, 3.0)[:1]
     surface, chance = points(fixture), np.random.default_rng(5)
     middle = np.array([*fixture.at_mm[:2], TABLE_MM - fixture.at_mm[2] - fixture.size_mm[-1] / 2])
     for _ in range(40):
@@ -68,7 +83,7 @@ def test_distances_are_those_of_the_nearest_point_of_the_surface(fixture: Fixtur
 
 
 def test_inside_distances_are_negative() -> None:
-    boxed, posted, ringed = targets(machine(BOX, POST, RING), TABLE_MM, 3.0)[:3]
+    boxed, posted, ringed = targets(machine(BOX, POST, RING), TABLE_MM, 3.0)[:3, None]
     assert distance(boxed, 0.2, 0.1, 0.132)[0] == pytest.approx(-0.01)
     assert distance(posted, 0.1, 0.2, 0.122)[0] == pytest.approx(-0.015)
     assert distance(ringed, 0.2, 0.2, 0.140)[0] == pytest.approx(0.010), "in the bore, 10 mm to its wall"
@@ -83,7 +98,7 @@ def test_the_law_of_its_force(deflection_um: float, force_n: float) -> None:
     one = machine()
     record = feelers(one)
     tip_mm = TABLE_MM - 40.0 + 1e-3 * deflection_um
-    feel(record[0], targets(one, TABLE_MM, 3.0), 0.1, 0.1, 1e-3 * tip_mm)
+    feel(record, targets(one, TABLE_MM, 3.0), 0.1, 0.1, 1e-3 * tip_mm)
     assert record["push_n"][0].tolist() == pytest.approx([0.0, 0.0, -force_n], abs=1e-6)
     assert bool(record["broken"][0]) == (deflection_um > 6000.0)
 
@@ -94,7 +109,7 @@ def test_the_pretravel_has_three_lobes(turn_deg: float) -> None:
     one, phi = machine(POST), math.radians(turn_deg)
     record, away_m = feelers(one), 1e-3 * (15.0 + 3.0 - 0.02)
     x_m, y_m = 0.1 + away_m * math.cos(phi), 0.2 + away_m * math.sin(phi)
-    feel(record[0], targets(one, TABLE_MM, 3.0), x_m, y_m, 1e-3 * (TABLE_MM - 40.0 - 20.0))
+    feel(record, targets(one, TABLE_MM, 3.0), x_m, y_m, 1e-3 * (TABLE_MM - 40.0 - 20.0))
     assert 1e6 * record["deflected_m"][0] == pytest.approx(20.0 - 3.0 * math.cos(3 * phi), abs=1e-6)
     assert math.hypot(*record["push_n"][0][:2]) == pytest.approx(0.7 + 0.3 * 0.012, rel=1e-6)
 

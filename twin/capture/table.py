@@ -26,23 +26,18 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
-from isel_twin.base.compiling import contains, njit
 from isel_twin.base.units import SECOND_NS
-from isel_twin.capture import vcd, wave
-from isel_twin.capture.vcd import ALL, FOUND, LOST, gaps_of, scanned, waves_of
+from isel_twin.capture.vcd import ALL, EARLIER, NO_TIME, SCAN, gaps_of, scanned, waves_of
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, WrongCallError
+from isel_twin.native import core
 
 UNITS = {"s": 9, "ms": 6, "us": 3, "ns": 0, "ps": -3}  # powers of ten from a unit of time to nanoseconds
 OVERRUN = "overrun"
 HEADER_LINES = 200  # lines within which the first row must be found
 LONGEST_LINE = 1 << 16  # bytes of a line beyond which a file is not a table
 FASTEST_HZ = 4 * SECOND_NS
-_PLACE, _LINE, _TIME, _PROBLEM, _COLUMN, _FIRST = range(6)  # fields of the scanner's state; _TIME: or row number
-_LF, _CR, _SPACE, _QUOTE, _HASH, _PLUS, _COMMA, _MINUS, _POINT, _SEMICOLON = b'\n\r "#+,-.;'
-_IS_TIME = -2
-_NEVER = -(1 << 62)
+IS_TIME = -2  # in the place of a signal: the column of times
 
 _SPELT = {
     **{name: name for name in UNITS},
@@ -56,13 +51,14 @@ _TIME_NAME = re.compile(
 _RATE = re.compile(r"samplerate:\s*([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)Hz", re.IGNORECASE)
 _CHANNELS = re.compile(r"channels\s*(?:\([^)]*\))?:\s*(.+)", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]*)?(?:[eE][+-]?[0-9]+)?")
+NO_BIT, SHORT_ROW, TOO_LATE, NO_COUNT = range(6, 10)
 _PROBLEMS = {
-    1: "the time is no decimal number; export times in seconds",
-    2: "the time is less than the one before; sort the rows by time",
-    3: "is neither 0 nor 1; export digital channels",
-    4: "the row has fewer columns than the first one; export the capture again",
-    5: "the time is beyond 31 years; give the unit by --time-unit",
-    6: "samples are missing, and their numbers, too, which would tell how many; take them by halsampler -t",
+    NO_TIME: "the time is no decimal number; export times in seconds",
+    EARLIER: "the time is less than the one before; sort the rows by time",
+    NO_BIT: "is neither 0 nor 1; export digital channels",
+    SHORT_ROW: "the row has fewer columns than the first one; export the capture again",
+    TOO_LATE: "the time is beyond 31 years; give the unit by --time-unit",
+    NO_COUNT: "samples are missing, and their numbers, too, which would tell how many; take them by halsampler -t",
 }
 
 
@@ -127,24 +123,28 @@ class Table:
         columns = np.full(self._width, -1, dtype=np.int16)
         columns[order] = np.arange(len(order))
         if self._time is not None:
-            columns[self._time] = _IS_TIME
+            columns[self._time] = IS_TIME
         data = np.frombuffer(self._data, dtype=np.uint8)
-        state = np.array([self._begin, self._line, 0 if self._time is None else _NEVER, 0, 0, 0], dtype=np.int64)
+        scan = np.zeros(1, SCAN)
+        scan["place"], scan["line"] = self._begin, self._line
         levels, first = np.full(len(order), -1, dtype=np.int8), np.zeros(len(order), dtype=np.int8)
         power = UNITS[self._unit or "ns"]
         numbered = self._time is not None and self._rate_hz is not None
-        how = data, ord(self._delimiter), columns, self._time is not None, numbered, power, state, levels, first
-        pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
-        if state[_PROBLEM]:
-            self._tell(state, bytes(data[state[_PLACE] : state[_PLACE] + 40]))
-        last = int(state[_TIME])
+        how = data, ord(self._delimiter), columns, numbered, power, scan, levels, first
+        pieces = scanned(lambda *room: core.scan_table(*how, *room), data.size, scan)
+        place, line, last, begin, problem, column, *_ = scan[0].tolist()
+        if problem:
+            self._tell(line, problem, column, bytes(data[place : place + 40]))
         if self._rate_hz is not None:
             rate = round(self._rate_hz)
+            last = last * SECOND_NS // rate
+            if last > LONGEST_NS:
+                wrong = f"{self.path}: the last sample is beyond 31 years at {rate} samples a second"
+                raise CaptureError(f"{wrong}; give the right --sample-rate")
             for times, _ in pieces:
                 whole, rest = np.divmod(times, rate)
                 times[:] = whole * SECOND_NS + (2 * rest * SECOND_NS + rate) // (2 * rate)
-            last = (last if numbered else max(last - 1, 0)) * SECOND_NS // rate
-        shift = max(0, -int(state[_FIRST])) if self._time is not None else 0
+        shift = max(0, -begin)
         for times, _ in pieces:
             times += shift
         end_ns = max(last + shift, 0)
@@ -153,12 +153,11 @@ class Table:
         resolution = SECOND_NS / self._rate_hz if self._rate_hz is not None else 0.0
         return Capture(waves, end_ns, resolution, shift, gaps_of(pieces, ALL, end_ns)[1])
 
-    def _tell(self, state: NDArray[np.int64], data: bytes) -> NoReturn:
-        line, problem, column = state[[_LINE, _PROBLEM, _COLUMN]].tolist()
+    def _tell(self, line: int, problem: int, column: int, data: bytes) -> NoReturn:
         where = next((name for name, place in self._columns.items() if place == column), "")
         cell = [*data.decode("latin-1").splitlines(), ""][0].split(self._delimiter)[0]
         shown = ascii(cell[:24].strip())
-        about = f"column {where}: {shown} " if problem == 3 else "" if problem == 4 else f"{shown}: "
+        about = f"column {where}: {shown} " if problem == NO_BIT else "" if problem == SHORT_ROW else f"{shown}: "
         raise CaptureError(f"{self.path}: line {line}: {about}{_PROBLEMS[problem]}")
 
     def _beginning(self) -> tuple[list[str], list[tuple[int, str]], list[int]]:
@@ -241,171 +240,3 @@ def _names_in(comments: Sequence[str]) -> list[str]:
         if match := _CHANNELS.search(comment):
             return [name.strip() for name in match[1].split(",")]
     return []
-
-
-# The scanner. pyarrow.csv takes half as long again for exact decimals and has neither line numbers nor comments. The
-# work for each cell is written in the loop: a call would take as long as the work.
-
-
-@njit(nogil=True)
-def _scan(data, delimiter, columns, timed, numbered, power, state, levels, first, times, which):
-    """Write the changes of wanted columns from state[_PLACE] on, while there is room for a row; return their number.
-
-    columns int16 [width]: _IS_TIME, -1 ignored, else the signal. numbered: times are the numbers of samples. power: of
-    ten, from the unit of time to ns. levels, first int8 [signals]: present and first level (-1: none yet); times,
-    which: output.
-    """
-    size, room, count = data.size, times.size - levels.size - 2, 0
-    i, line, before = state[_PLACE], state[_LINE], state[_TIME]
-    while i < size and count <= room:
-        c = data[i]
-        if c in (_LF, _CR, _SPACE):
-            line += c == _LF
-            i += 1
-            continue
-        if c in (_SEMICOLON, _HASH):  # a comment
-            i = _line_end(data, i)
-            continue
-        if i + 7 <= size and c == 111 and data[i + 1] == 118 and data[i + 6] == 110:  # ov....n, see OVERRUN
-            if not numbered:
-                state[_PLACE], state[_LINE], state[_PROBLEM] = i, line, 6
-                return count
-            i = _line_end(data, i)
-            continue
-        row, begun, time, seen = i, count, before, 0
-        for column in range(columns.size):
-            wanted, start, problem = columns[column], i, 0
-            if wanted == _IS_TIME:
-                i = _past_quotes(data, i)
-                negative = i < size and data[i] == _MINUS
-                i += i < size and (data[i] == _MINUS or data[i] == _PLUS)
-                mantissa, shift, good, point = 0, power, False, False
-                while i < size:
-                    c = data[i]
-                    if 48 <= c <= 57:
-                        good = True
-                        if mantissa < 10**17:
-                            mantissa = 10 * mantissa + (c - 48)
-                            shift -= point
-                        else:
-                            shift += not point
-                    elif (c == _POINT or (c == _COMMA and delimiter != _COMMA)) and not point:
-                        point = True
-                    else:
-                        break
-                    i += 1
-                if good and i < size and (data[i] == 69 or data[i] == 101):  # E, e
-                    i, exponent, good = _exponent_at(data, i + 1)
-                    shift += exponent
-                i = _past_quotes(data, i)
-                time = _scaled(mantissa, shift)
-                if not (good and _ends(data, i, delimiter)):
-                    problem = 1
-                elif time < 0:
-                    problem = 5
-                else:
-                    time = -time if negative else time
-                    problem = 2 if time < before else 0
-                if before == _NEVER:
-                    state[_FIRST] = time
-            elif wanted >= 0:
-                i = _past_quotes(data, i)
-                level = data[i] - 48 if i < size else 2
-                i += i < size
-                if i < size and data[i] == _POINT:
-                    i += 1
-                    while i < size and data[i] == 48:
-                        i += 1
-                i = _past_quotes(data, i)
-                if (level != 0 and level != 1) or not _ends(data, i, delimiter):
-                    problem = 3
-                elif levels[wanted] < 0:
-                    first[wanted] = level
-                elif levels[wanted] != level:
-                    which[count] = wanted
-                    count += 1
-                levels[wanted] = level
-            else:
-                i = _cell_end(data, i, delimiter)
-            if problem:
-                state[_PLACE], state[_LINE], state[_PROBLEM], state[_COLUMN] = start, line, problem, column
-                return count
-            seen += 1
-            if i == size or data[i] != delimiter:
-                break
-            i += 1
-        if seen < columns.size:
-            state[_PLACE], state[_LINE], state[_PROBLEM] = row, line, 4
-            return count
-        for k in range(begun, count):
-            times[k] = time
-        if numbered and before != _NEVER and time > before + 1:
-            times[count], which[count] = before, LOST + ALL
-            times[count + 1], which[count + 1] = time, FOUND + ALL
-            count += 2
-        before = time if timed else before + 1
-        i = _line_end(data, i)
-    state[_PLACE], state[_LINE], state[_TIME] = i, line, before
-    return count
-
-
-@njit(nogil=True)
-def _line_end(data, i):
-    while i < data.size and data[i] != _LF:
-        i += 1
-    return i
-
-
-@njit(nogil=True)
-def _ends(data, i, delimiter):
-    """True if a cell ends before this place."""
-    return i == data.size or data[i] == delimiter or data[i] == _LF or data[i] == _CR
-
-
-@njit(nogil=True)
-def _cell_end(data, i, delimiter):
-    """The end of an ignored cell; a delimiter in quotes is text."""
-    quoted = False
-    while i < data.size and data[i] != _LF and data[i] != _CR and (quoted or data[i] != delimiter):
-        quoted ^= data[i] == _QUOTE
-        i += 1
-    return i
-
-
-@njit(nogil=True)
-def _past_quotes(data, i):
-    while i < data.size and (data[i] == _SPACE or data[i] == _QUOTE):
-        i += 1
-    return i
-
-
-@njit(nogil=True)
-def _exponent_at(data, i):
-    """The place after an exponent, its value within 10 000, and whether it has a digit."""
-    down = i < data.size and data[i] == _MINUS
-    if i < data.size and (data[i] == _MINUS or data[i] == _PLUS):
-        i += 1
-    exponent, good = 0, False
-    while i < data.size and 48 <= data[i] <= 57:
-        exponent = min(10 * exponent + (data[i] - 48), 10_000)
-        good = True
-        i += 1
-    return i, -exponent if down else exponent, good
-
-
-@njit(nogil=True)
-def _scaled(mantissa, shift):
-    """The nearest whole number to mantissa times 10 to the power of shift, halves up; -1 if it is beyond LONGEST_NS."""
-    while shift > 0 and 0 < mantissa < 10**17:
-        mantissa *= 10
-        shift -= 1
-    if mantissa > 0 and (shift > 0 or (shift == 0 and mantissa > LONGEST_NS)):
-        return -1
-    divisor = 1
-    while shift < 0 and divisor < 10**18:
-        divisor *= 10
-        shift += 1
-    return (mantissa + divisor // 2) // divisor if shift == 0 or mantissa == 0 else 0
-
-
-contains(__name__, vcd.__file__, wave.__file__)

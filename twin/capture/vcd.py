@@ -3,7 +3,7 @@
     $timescale 1 us $end                                header: names and codes of signals, in Python
     $scope module libsigrok $end  $var wire 1 ! D0 $end
     $enddefinitions $end
-    #0 0! #25 1! #30 0!                                 body: #time, value and code, in a compiled scanner
+    #0 0! #25 1! #30 0!                                 body: #time, value and code, in C (vcd.c)
 
 A level is the value of a wire, or whether a vector is not 0. `x` and `z` are no level: the wire keeps its last one,
 which is a gap in the capture, and so is the time from $dumpoff to $dumpon. A signal that is first named at a change,
@@ -21,24 +21,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.capture.wave import LONGEST_NS, Capture, CaptureError, Wave
+from isel_twin.native import core, record
 
 MOST_CHANGES = 1 << 20  # most changes from one call of a scanner
 Piece = tuple[NDArray[np.int64], NDArray[np.uint8]]  # times and signals of changes
-_PLACE, _LINE, _TIME, _PROBLEM, _BEGIN, _PART = range(6)  # fields of a scanner's state; _BEGIN: the first time
-_CHANGES, _LEVELS, _OFF = range(3)  # parts: changes; levels in $dumpvars and its like; $dumpoff, in which all are x
+SCAN = record(
+    "SCAN",
+    [
+        ("place", "i8"),  # where the scanner is, or what the problem is about begins
+        ("line", "i8"),
+        ("time", "i8"),  # the last one
+        ("begin", "i8"),  # the first one
+        ("problem", "i8"),
+        ("column", "i8"),  # of a table, with the problem
+        ("rows", "i8"),  # of a table so far
+        ("part", "i8"),  # of a dump: changes or levels
+    ],
+)
 LOST, FOUND, ALL = 64, 128, 63  # added to a signal that loses its level or has one again; ALL: all signals
-_LF, _SPACE, _HASH, _DOLLAR = b"\n #$"
-_NO_LEVEL, _NO_CHANGE, _OTHER = -1, -2, -3  # x and z; no change at all; a number or a text
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
+NO_TIME, EARLIER, NO_VALUE, NO_SIGNAL, NO_END = range(1, 6)
 _PROBLEMS = {
-    1: "the time is no whole number, or too large",
-    2: "the time is less than the one before",
-    3: "no change of a value begins like this",
-    4: "a change of a value has no signal",
-    5: "a $comment has no $end",
+    NO_TIME: "the time is no whole number, or too large",
+    EARLIER: "the time is less than the one before",
+    NO_VALUE: "no change of a value begins like this",
+    NO_SIGNAL: "a change of a value has no signal",
+    NO_END: "a $comment has no $end",
 }
 
 
@@ -75,25 +85,23 @@ class Dump:
         codes = [self._find(name) for name in names]
         keys = np.array([_key(code) for code in dict.fromkeys(codes)], dtype=np.int64)
         data = np.frombuffer(self._data, dtype=np.uint8)
-        state = np.array([self._begin, self._line, 0, 0, -1, _CHANGES], dtype=np.int64)
+        scan = np.zeros(1, SCAN)
+        scan["place"], scan["line"], scan["begin"] = self._begin, self._line, -1
         levels = np.full(len(keys), -1, dtype=np.int8)
         first = np.zeros(len(keys), dtype=np.int8)
         lost = np.zeros(len(keys) + 1, dtype=np.int8)
-        how = data, keys, state, levels, first, lost
-        pieces = scanned(lambda times, which: _scan(*how, times, which), data.size, state)
-        if state[_PROBLEM]:
-            place = int(state[_PLACE])
+        pieces = scanned(lambda *room: core.scan_dump(data, keys, scan, levels, first, lost, *room), data.size, scan)
+        place, line, time, _, said, *_ = scan[0].tolist()
+        if said:
             token = bytes(data[place : place + 40]).split(None, 1)[:1] or [b""]
             shown = ascii(token[0][:24].decode("latin-1"))
-            problem = _PROBLEMS[int(state[_PROBLEM])]
-            raise CaptureError(f"{self.path}: line {state[_LINE]}: {shown}: {problem}; export the capture again")
-        if int(state[_TIME]) * self._unit_fs >= LONGEST_NS * 10**6:
-            where = f"{self.path}: line {state[_LINE]}"
-            raise CaptureError(f"{where}: the time {state[_TIME]} is beyond 31 years; export it again")
+            raise CaptureError(f"{self.path}: line {line}: {shown}: {_PROBLEMS[said]}; export the capture again")
+        if time * self._unit_fs >= LONGEST_NS * 10**6:
+            raise CaptureError(f"{self.path}: line {line}: the time {time} is beyond 31 years; export it again")
         for times, _ in pieces:
             _to_ns(times, self._unit_fs)
         order = list(dict.fromkeys(codes))
-        end_ns = int(state[_TIME]) * self._unit_fs // 10**6
+        end_ns = time * self._unit_fs // 10**6
         found = waves_of(pieces, first, end_ns)
         waves = {name: found[order.index(code)] for name, code in zip(names, codes, strict=True)}
         return Capture(waves, end_ns, self._unit_fs / 1e6, gaps=gaps_of(pieces, ALL, end_ns)[1])
@@ -138,13 +146,13 @@ class Dump:
         raise CaptureError(f"{self.path}: has no signal {name}; it has {', '.join(self.names[:24])}")
 
 
-def scanned(scan: Callable[..., int], size: int, state: NDArray[np.int64]) -> list[Piece]:
-    """Changes up to the end of the file or the first problem. scan(times, which) fills both, advances `state` and
+def scanned(scanner: Callable[..., int], size: int, scan: NDArray[np.void]) -> list[Piece]:
+    """Changes up to the end of the file or the first problem. scanner(times, which) fills both, advances `scan` [1] and
     returns the number."""
     pieces = []
-    while state[_PLACE] < size and not state[_PROBLEM]:
+    while scan["place"][0] < size and not scan["problem"][0]:
         times, which = np.empty(MOST_CHANGES, dtype=np.int64), np.empty(MOST_CHANGES, dtype=np.uint8)
-        count = scan(times, which)
+        count = scanner(times, which)
         pieces.append((times[:count].copy(), which[:count].copy()))
     return pieces
 
@@ -184,140 +192,8 @@ def gaps_of(pieces: Sequence[Piece], signal: int, end_ns: int) -> tuple[int, tup
 
 
 def _key(code: str) -> int:
-    """The number that the scanner computes for a code."""
+    """The number that the scanner computes for a code (vcd.c: code_at)."""
     key = 0
     for byte in code.encode("latin-1", "replace"):
         key = (key * 257 + byte) % (1 << 53)
     return key
-
-
-@njit(nogil=True)
-def _scan(data, keys, state, levels, first, lost, times, which):
-    """Write the changes of wanted signals from state[_PLACE] on; return their number. state then says where and why it
-    ended.
-
-    keys int64 [signals]; levels, first int8 [signals]: present and first level (-1: none yet); lost int8 [signals + 1]:
-    1 while it is x or z, the last one in $dumpoff; times, which: output.
-    """
-    size, room, count = data.size, times.size - 1, 0  # a signal may be found and change at once
-    i, line, time, begin, part = state[_PLACE], state[_LINE], state[_TIME], state[_BEGIN], state[_PART]
-    while i < size and count < room:
-        c = data[i]
-        if c <= _SPACE:
-            line += c == _LF
-            i += 1
-            continue
-        start, problem = i, 0
-        if c == _HASH:
-            i += 1
-            value = 0
-            while i < size and 48 <= data[i] <= 57 and i - start < 19:
-                value = 10 * value + (data[i] - 48)
-                i += 1
-            if i == start + 1 or (i < size and data[i] > _SPACE):
-                problem = 1
-            elif value < time:
-                problem = 2
-            time = value
-            begin = value if begin < 0 else begin
-        elif c == _DOLLAR:  # a comment goes on to its $end; others are ignored
-            i = _word_end(data, i)
-            if i - start == 4:  # $end
-                part = _CHANGES
-            elif i - start > 6 and data[start + 1] == 100 and data[start + 2] == 117:  # $du(mp...)
-                off = data[start + 5] == 111 and data[start + 6] == 102  # $dumpof(f)
-                part = _OFF if off else _LEVELS
-                if lost[-1] != off:
-                    times[count], which[count] = time, ALL + (LOST if off else FOUND)
-                    count += 1
-                    lost[-1] = off
-            elif i - start == 8 and data[start + 1] == 99 and data[start + 2] == 111:  # $co(mment)
-                i, line = _comment_end(data, i, line)
-                problem = 5 if i < 0 else 0
-        else:
-            if c == 48 or c == 49:
-                level = c - 48
-                i += 1
-            else:
-                i, level = _level_at(data, i)
-            named = i
-            i, key = _code_at(data, i)
-            if level == _NO_CHANGE or i == named:
-                problem = 3 if level == _NO_CHANGE else 4
-            elif level >= _NO_LEVEL:
-                for k in range(keys.size):
-                    if keys[k] == key:
-                        known, late = levels[k] >= 0, 0 <= begin < time
-                        if level == _NO_LEVEL:
-                            if known and not lost[k] and part != _OFF:
-                                times[count], which[count] = time, LOST + k
-                                count += 1
-                            lost[k] |= part != _OFF
-                            break
-                        if lost[k] and (known or late):
-                            times[count], which[count] = time, FOUND + k
-                            count += 1
-                        if not known:
-                            changed = late and not lost[k] and part == _CHANGES
-                            first[k] = 1 - level if changed else level
-                        else:
-                            changed = levels[k] != level
-                        if changed:
-                            times[count], which[count] = time, k
-                            count += 1
-                        levels[k], lost[k] = level, 0
-                        break
-        if problem:
-            state[_PLACE], state[_LINE], state[_PROBLEM] = start, line, problem
-            return count
-    state[_PLACE], state[_LINE], state[_TIME], state[_BEGIN], state[_PART] = i, line, time, begin, part
-    return count
-
-
-@njit(nogil=True)
-def _word_end(data, i):
-    while i < data.size and data[i] > _SPACE:
-        i += 1
-    return i
-
-
-@njit(nogil=True)
-def _comment_end(data, i, line):
-    """The place after the $end of a comment, and the line there; -1 and the line here without one."""
-    lines = line
-    while i + 3 < data.size:
-        if data[i] == _DOLLAR and data[i + 1] == 101 and data[i + 2] == 110 and data[i + 3] == 100:
-            return i + 4, lines
-        lines += data[i] == _LF
-        i += 1
-    return -1, line
-
-
-@njit(nogil=True)
-def _level_at(data, i):
-    """The place of the code after a value, and its level, or _NO_LEVEL and its like."""
-    c = data[i] | 32  # small letters
-    if c == 98 or c == 114 or c == 115:  # b, r, s: a vector, a real number, a text; then blanks
-        i += 1
-        level = 0 if c == 98 else _OTHER
-        while i < data.size and data[i] > _SPACE:
-            if c == 98 and data[i] == 49:
-                level = 1
-            elif data[i] != 48 and level == 0:
-                level = _NO_LEVEL
-            i += 1
-        while i < data.size and data[i] <= _SPACE and data[i] != _LF:
-            i += 1
-        return i, level
-    known = c == 120 or c == 122 or c == 117 or c == 119 or data[i] == 45  # x, z, u, w, -
-    return i + 1, _NO_LEVEL if known else _NO_CHANGE
-
-
-@njit(nogil=True)
-def _code_at(data, i):
-    """The place after the code of a signal, and its `_key`."""
-    key = 0
-    while i < data.size and data[i] > _SPACE:
-        key = (key * 257 + data[i]) % (1 << 53)
-        i += 1
-    return i, key

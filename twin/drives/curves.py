@@ -39,12 +39,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import contains, njit
-from isel_twin.drives.dynamics import BOTH, FILES, axis_parameters, step_axis
+from isel_twin.drives.dynamics import axis_parameters
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
+from isel_twin.native import core
 
 SUB_STEP_S = 25e-6  # of the bench, the same as the machine's
 START_RPM = 60.0  # speed from which the bench accelerates
@@ -65,23 +65,20 @@ def mean_command(phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return mean
 
 
-@njit(nogil=True)
-def follow(parameters, states, command, load_torque_nm, limit):
-    """Let the drive parameters[0], states[0] follow a command on a bench without a nut.
+def follow(
+    parameters: NDArray[np.void],
+    states: NDArray[np.void],
+    command: NDArray[np.float64],
+    load_torque_nm: NDArray[np.float64],
+    limit: float,
+) -> int:
+    """Let the drive parameters [1], states [1] follow a command on a bench without a nut.
 
-    command float64 [n]: mean of the microstep counter in each sub-step; load_torque_nm float64 [n]: against positive
-    rotation; limit: ends when rotor and command are more microsteps apart. Returns the number of sub-steps made.
+    command [n]: mean of the microstep counter in each sub-step; load_torque_nm [n]: against positive rotation; limit:
+    ends when rotor and command are more microsteps apart. Returns the number of sub-steps made.
     """
-    p = parameters[0]
-    s = states[0]
-    for k in range(len(command)):
-        step_axis(p, s, command[k], BOTH, 1.0, 0.0, 0.0, load_torque_nm[k])
-        if abs(command[k] - s.theta_rad * p.pole_pairs / p.microstep_rad) > limit:
-            return k
-    return len(command)
-
-
-contains(__name__, *FILES)
+    made: int = core.follow_command(parameters, states, command, load_torque_nm, limit)
+    return made
 
 
 def pull_out_torque(
@@ -198,7 +195,7 @@ def pull_out_envelope(motor: Motor, stage: Stage, speed_rpm: float) -> float:
 
 def pull_out_prediction(motor: Motor, stage: Stage, speed_rpm: float) -> float:
     """Predicted pull-out torque in Nm (second closed form), 0 or more."""
-    found: float = pull_out_predictions(motor, stage, np.array([speed_rpm])).item()
+    found: float = pull_out_predictions(motor, stage, np.array([speed_rpm], np.float64)).item()
     return found
 
 
@@ -206,60 +203,17 @@ def pull_out_predictions(motor: Motor, stage: Stage, speed_rpm: NDArray[np.float
     """The same for each of these speeds [n]."""
     motor = motor.at_current(stage.vector_a)
     torque_nm = np.empty(len(speed_rpm))
-    _predict(
+    core.predict_torques(
         speed_rpm, motor.pole_pairs, motor.resistance_ohm + stage.extra_resistance_ohm, motor.inductance_h,
         motor.torque_constant_nm_per_a, motor.iron_drag_nm_s_per_rad, motor.iron_knee_rad_s,
-        _fundamental(stage) * stage.current_a, 0.5 * (stage.drive_v + stage.supply_v), 2.0, torque_nm,
+        _fundamental(stage) * stage.current_a, 0.5 * (stage.drive_v + stage.supply_v), torque_nm,
     )  # fmt: skip
     return torque_nm
 
 
-@njit(nogil=True, error_model="numpy")
-def _predict(rpm, pole_pairs, resistance, inductance, km, iron_drag, iron_knee, current, half_v, two, torque_nm):
-    """Fill in torque_nm [n]. two: 2.0, told at run time: squares are then those of Python's `**`, to the last bit."""
-    for k in range(rpm.shape[0]):
-        omega = rpm[k] * 2.0 * math.pi / 60.0
-        impedance = complex(resistance, pole_pairs * omega * inductance)
-        centre = -1j * omega * km / impedance
-        radius = half_v / abs(impedance)
-        best = _highest(current, centre, radius, two)
-        if 0.0 < abs(best) < current * (1.0 - 1e-9):
-            excess = current / abs(best)
-            clipped = 2.0 / math.pi * (excess * math.asin(1.0 / excess) + math.sqrt(1.0 - 1.0 / excess**two))
-            best = _highest(current, centre, radius * clipped, two)
-        iron_nm = iron_drag * omega / (1.0 + (omega / iron_knee) ** two)
-        torque_nm[k] = max(0.0, km * best.imag - iron_nm)
-
-
 def iron_torques(motor: Motor, omega_rad_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """`Motor.iron_torque_nm` at each of these speeds [n]."""
-    torque_nm = np.empty(len(omega_rad_s))
-    _iron(omega_rad_s, motor.iron_drag_nm_s_per_rad, motor.iron_knee_rad_s, 2.0, torque_nm)
-    return torque_nm
-
-
-@njit(nogil=True, error_model="numpy")
-def _iron(omega, drag, knee, two, torque_nm):
-    for k in range(omega.shape[0]):
-        torque_nm[k] = drag * omega[k] / (1.0 + (omega[k] / knee) ** two)
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def _highest(current, centre, radius, two):
-    """The point of largest imaginary part in |i| <= current and |i - centre| <= radius; 0 if they do not meet."""
-    if abs(1j * current - centre) <= radius:
-        return 1j * current
-    top = centre + 1j * radius
-    if abs(top) <= current:
-        return top
-    distance = abs(centre)
-    along = (current**two - radius**two + distance**two) / (2.0 * distance)
-    if along >= current:
-        return 0j
-    across = math.sqrt(current**two - along**two)
-    left = centre / distance * complex(along, across)
-    right = centre / distance * complex(along, -across)
-    return right if right.imag > left.imag else left
+    return np.array([motor.iron_torque_nm(speed) for speed in omega_rad_s.tolist()])
 
 
 def _fundamental(stage: Stage) -> float:

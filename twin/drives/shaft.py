@@ -1,21 +1,4 @@
-"""Rotor, screw and nut of an axis in one sub-step, whatever motor turns them; and the records of an axis drive.
-
-Stepper and servo drives differ only in how a command becomes a torque. The effect of the torque on rotor, friction,
-screw, backlash and nut is here, compiled into both (dynamics.py, servo.py):
-
-    F = k dead_zone(r th - x, backlash) + c (r w - v_nut)          force on the nut
-    J dw/dt = T - B w - F r - T_load - friction
-
-Time step: the angle drifts half a sub-step, the speed is kicked by the torque found there, the angle drifts the other
-half (Stoermer-Verlet: second order, no secular gain of energy). What is linear in w is taken as the mean of old and new
-speed. Dry friction is an impulse in the kick that can stop the shaft but not reverse it: below breakaway the speed is
-exactly 0 and the angle does not change by a bit.
-
-    th --drift--> torque of the motor --turn: kick, drift--> th'
-
-AXIS_STATE and AXIS_PARAMETERS are numpy structured dtypes; in compiled code `states[i]` is a reference with named
-fields.
-"""
+"""The records of an axis drive, whatever motor turns its shaft; the sub-step of rotor, screw and nut is in shaft.h."""
 
 from __future__ import annotations
 
@@ -24,13 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.drives.screw import Screw
 from isel_twin.native import record
 
-STEPPER = 0  # `kind`: open loop, two phases (dynamics.py)
-SERVO = 1  # `kind`: closed loop (servo.py)
-REST_RAD_S = 1e-9  # shaft speed below which a drive counts as at rest (friction brings it to exactly 0)
+STEPPER = 0  # `kind`: open loop, two phases (stepper.h)
+SERVO = 1  # `kind`: closed loop (servo.h)
 
 # constants of one axis drive; built by `axis_parameters` and `servo_parameters`
 AXIS_PARAMETERS = record(
@@ -108,7 +89,7 @@ AXIS_STATE = record(
         ("lag_rad", "f8"),  # low pass of the load angle to that
         ("torque_nm", "f8"),  # torque of the currents in the last sub-step (for traces)
         ("force_n", "f8"),  # force on the nut in the last sub-step
-        ("at_rest", "i8"),  # 1: the last sub-step changed nothing (`at_rest`)
+        ("at_rest", "i8"),  # 1: the last sub-step changed nothing
         # of servo drives; the current of the motor is current_a_a
         ("on", "i8"),  # 1: the loops are closed
         ("fault", "i8"),  # 0, LAG_FAULT, VOLTAGE_FAULT: latched, the motor is without current
@@ -164,62 +145,3 @@ def axis_states(n: int) -> NDArray[np.void]:
     states = np.zeros(n, AXIS_STATE)
     states["command"] = math.nan  # makes the first sub-step compute the shape
     return states
-
-
-@njit(inner=True, error_model="numpy", forceinline=True)
-def turn(p, s, torque, drag, nut_position_m, nut_velocity_m_s, steady):
-    """Turn the shaft by a torque for one sub-step; return the mean force on the nut in N.
-
-    torque, drag: of motor and load without the nut, in N m, and its part linear in the speed, in N m s/rad. steady:
-    nothing else in the drive has changed in this sub-step. Other arguments: `step_axis`.
-    """
-    half_dt = 0.5 * p.dt_s
-    omega = s.omega_rad_s
-    theta = s.theta_rad + half_dt * omega
-
-    # Nut: spring and damper outside the backlash; a nut with play can be pushed but not pulled back.
-    damping = 0.0
-    spring = 0.0
-    if p.stiffness_n_per_m > 0.0:
-        stretch = p.travel_m_per_rad * theta - nut_position_m
-        rate = p.damping_n_s_per_m * (p.travel_m_per_rad * omega - nut_velocity_m_s)
-        if stretch > p.half_backlash_m:
-            spring = p.stiffness_n_per_m * (stretch - p.half_backlash_m)
-        elif stretch < -p.half_backlash_m:
-            spring = p.stiffness_n_per_m * (stretch + p.half_backlash_m)
-        if p.half_backlash_m == 0.0 or (spring + rate) * spring > 0.0:
-            damping = p.damping_n_s_per_m
-        else:
-            spring = 0.0
-    push = spring - damping * nut_velocity_m_s
-    drag += damping * p.travel_m_per_rad * p.travel_m_per_rad
-    torque -= push * p.travel_m_per_rad
-
-    # Kick: linear drag at the mean speed, then the friction impulse.
-    half_drag = 0.5 * p.kick_rad_s_per_nm * drag
-    share = 1.0 / (1.0 + half_drag)
-    free = (omega * (1.0 - half_drag) + p.kick_rad_s_per_nm * torque) * share
-    force = push + damping * p.travel_m_per_rad * omega
-    ratio = omega / p.stribeck_rad_s
-    friction = p.coulomb_nm + p.stribeck_nm / (1.0 + ratio * ratio)
-    loss = p.forward_loss if free * force > 0.0 else p.backward_loss
-    friction += loss * abs(force) * p.travel_m_per_rad
-    stop = p.kick_rad_s_per_nm * friction * share
-    if free > stop:
-        omega_new = free - stop
-    elif free < -stop:
-        omega_new = free + stop
-    else:
-        omega_new = 0.0
-    s.theta_rad = theta + half_dt * omega_new
-    s.omega_rad_s = omega_new
-    s.force_n = push + 0.5 * damping * p.travel_m_per_rad * (omega + omega_new)
-    s.at_rest = 1 if steady and abs(omega) <= REST_RAD_S and abs(omega_new) <= REST_RAD_S else 0
-    return s.force_n
-
-
-@njit(inner=True, error_model="numpy")
-def at_rest(s):
-    """True if the last sub-step changed neither angle nor currents. With the same arguments further ones change nothing
-    either (with friction, not a bit): time may be skipped until an argument changes."""
-    return s.at_rest != 0

@@ -53,13 +53,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import contains, njit
 from isel_twin.drives.curves import pull_out_prediction
-from isel_twin.drives.dynamics import BOTH, FILES, axis_parameters, step_axis
+from isel_twin.drives.dynamics import axis_parameters
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.screw import Screw
 from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
+from isel_twin.native import core
 
 SUB_STEPS = 80  # least number in a quarter period
 LONGEST_S = 25e-6  # of a sub-step
@@ -229,7 +229,7 @@ class _Map:
 
     def __call__(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.empty(STATES)
-        quarter(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, out)
+        core.quarter(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, out)
         return out[: self.used]
 
     def settle(self, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -258,12 +258,9 @@ class _Map:
     def slope(self, state: NDArray[np.float64], points: int) -> NDArray[np.float64]:
         """That of the straight line through so many points on both sides of each number of the state."""
         columns = np.zeros((self.used, self.used))
-        scratch = np.empty((3, STATES))
         away = SWING / points * self.scale
         away[:2] *= min(1.0, 3.0 * math.hypot(state[0], state[1]) / self.scale[0])  # if no more can flow
-        slopes(
-            self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, points, columns, scratch
-        )
+        core.slopes(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, away, points, columns)
         return columns.T
 
     def kicked(self, state: NDArray[np.float64]) -> bool | None:
@@ -279,63 +276,8 @@ class _Map:
     def _turned(self, state: NDArray[np.float64], quarters: int) -> NDArray[np.float64] | None:
         """Load angles after each of so many quarter periods, and the state then; None if the motor drops out."""
         lags = np.empty(quarters)
-        kept = turned(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, np.empty(STATES), lags)
+        kept = core.quarters(self.parameters, AT_REST, self._states, self.command, self.load_nm, state, lags)
         return lags if kept else None
-
-
-@njit(nogil=True)
-def quarter(parameters, at_rest, states, command, load_nm, x, out):
-    """Advance the drive parameters[0] by a quarter electrical period from state x [6]; the state then to out [6].
-    states: of the drive on the way, from at_rest on."""
-    states[0] = at_rest[0]
-    p, s = parameters[0], states[0]
-    half_pi = 0.5 * np.pi
-    s.current_a_a, s.current_b_a, s.omega_rad_s = x[0], x[1], x[2]
-    s.theta_rad = -x[3] / p.pole_pairs
-    s.smooth_rad = p.phase_offset_rad + x[4]
-    s.lag_rad = x[5]
-    s.command = -1.0
-    for k in range(len(command)):
-        step_axis(p, s, command[k], BOTH, 1.0, 0.0, 0.0, load_nm)
-    out[0], out[1], out[2] = s.current_b_a, -s.current_a_a, s.omega_rad_s
-    out[3] = half_pi - p.pole_pairs * s.theta_rad
-    out[4] = s.smooth_rad - p.phase_offset_rad - half_pi
-    out[5] = s.lag_rad
-
-
-@njit(nogil=True)
-def turned(parameters, at_rest, states, command, load_nm, x, out, lags):
-    """Advance x [6] by quarter periods, whose load angles go to lags [n]. False once half a turn of it is passed."""
-    for k in range(len(lags)):
-        quarter(parameters, at_rest, states, command, load_nm, x, out)
-        for i in range(len(x)):
-            x[i] = out[i]
-        lags[k] = x[3]
-        if not abs(x[3]) < np.pi:
-            return False
-    return True
-
-
-@njit(nogil=True, error_model="numpy")
-def slopes(parameters, at_rest, states, command, load_nm, x, away, points, columns, scratch):
-    """Slope of what `quarter` makes of x [6] over each of its numbers, by the straight line through so many points on
-    both sides, away [n] apart: to columns [n, n], one for each number that is moved. scratch [3, 6]."""
-    tried, up, down = scratch[0], scratch[1], scratch[2]
-    squares = points * (points + 1) * (2 * points + 1) / 3.0
-    for k in range(x.shape[0]):
-        tried[k] = x[k]
-    for k in range(columns.shape[0]):
-        for far in range(1, points + 1):
-            tried[k] = x[k] + far * away[k]
-            quarter(parameters, at_rest, states, command, load_nm, tried, up)
-            tried[k] = x[k] - far * away[k]
-            quarter(parameters, at_rest, states, command, load_nm, tried, down)
-            for i in range(columns.shape[1]):
-                columns[k, i] += far * (up[i] - down[i]) / (squares * away[k])
-        tried[k] = x[k]
-
-
-contains(__name__, *FILES)
 
 
 LOAD_SHARE = 0.1  # load over the torque at standstill, of a motor without an axis; the limit changes little with it

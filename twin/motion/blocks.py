@@ -17,8 +17,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.motion.look_ahead import DT, LENGTH, SPEED, T, places, positions
+from isel_twin.motion.look_ahead import DT, LENGTH, PLAN_PHASE, PLAN_PIECE, SPEED, T, in_c
 from isel_twin.motion.pieces import Curve, Pieces, table
+from isel_twin.native import core
 
 BLOCK = 512  # least phases in a block: a trade-off between the number and the size of copies
 
@@ -211,7 +212,8 @@ def block_positions(
                 end -= 1
             end = min(max(end, k), last + 1)
         part = out[k - first : end - first]
-        positions(k, period_s, block.phases, block.piece, sine, block.table, block.corner, part)
+        phases, pieces = in_c(block.phases, PLAN_PHASE), in_c(block.table, PLAN_PIECE)
+        core.positions(k, period_s, phases, block.piece, sine, pieces, block.corner, part)
         if block.curves:
             _bend(block, period_s, sine, k, part)
         k = end
@@ -219,9 +221,9 @@ def block_positions(
 
 
 def _bend(block: PlanBlock, period_s: float, sine: bool, k: int, out: NDArray[np.int64]) -> None:
-    """Correct the positions on curved pieces, which `positions` treats as straight."""
+    """Correct the positions on curved pieces, which `core.positions` treats as straight."""
     place, at = np.empty(len(out)), np.empty(len(out), dtype=np.int64)
-    places(k, period_s, block.phases, block.piece, sine, place, at)
+    core.places(k, period_s, in_c(block.phases, PLAN_PHASE), block.piece, sine, place, at)
     for j, curve in block.curves:
         low, high = int(at.searchsorted(j)), int(at.searchsorted(j, side="right"))
         if low < high:

@@ -35,8 +35,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
-from isel_twin.motion.path import Displacement, check_range, even, fill_even
+from isel_twin.motion.path import Displacement, check_range, even
+from isel_twin.native import core
 
 INTERVAL = 8192  # ticks between two checkpoints: some 30 us to walk, 24 bytes to keep
 # Steps by which another reading of D must be nearer to the start point than the manual's. Found by trying radii and
@@ -145,58 +145,39 @@ class Circle:
         delta = np.zeros((last - first, self.axes), dtype=np.int8)
         begin, end = (even(k, self.arc_ticks, self.ticks) for k in (first, last))
         steps = delta if end - begin == last - first else np.zeros((end - begin, self.axes), dtype=np.int8)
-        _walk(*self._state(begin), steps, *self.plane)
+        self._walk(begin, steps, *self.plane)
         if steps is not delta:
             makes_one = np.zeros((last - first, 1), dtype=np.int8)
-            fill_even(makes_one, 0, first, self.arc_ticks, self.ticks)
+            core.fill_even(makes_one, np.array([self.arc_ticks]), first, self.ticks)
             delta[makes_one[:, 0] == 1] = steps
         if self.third_axis is not None:
-            fill_even(delta, self.third_axis, first, self.third_steps, self.ticks)
+            core.fill_even(delta, np.eye(self.axes, dtype=np.int64)[self.third_axis] * self.third_steps, first, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
         check_range(0, k, self.ticks)
         steps = [0] * self.axes
-        x, y, _ = self._state(even(k, self.arc_ticks, self.ticks))
+        x, y = self._walk(even(k, self.arc_ticks, self.ticks), np.empty((0, 2), dtype=np.int8), 0, 1)
         steps[self.plane[0]] = x - self.xs
         steps[self.plane[1]] = y - self.ys
         if self.third_axis is not None:
             steps[self.third_axis] = even(k, self.third_steps, self.ticks)
         return tuple(steps)
 
-    def _state(self, k: int) -> tuple[int, int, int]:
-        """x, y, c after k steps of the arc, computed from the last checkpoint."""
-        x, y, c = (int(value) for value in _checkpoints(self)[k // INTERVAL])
-        rest = np.empty((k % INTERVAL, 2), dtype=np.int8)
-        return _walk(x, y, c, rest, 0, 1) if rest.size else (x, y, c)
+    def _walk(self, k: int, delta: NDArray[np.int8], first: int, second: int) -> list[int]:
+        """Write the steps of the arc after the first k into columns of delta; return x, y at the end. Goes on from the
+        last checkpoint."""
+        state = _checkpoints(self)[k // INTERVAL].copy()
+        core.walk(state, k % INTERVAL, delta, first, second)
+        return state[:2].tolist()
 
 
 @lru_cache(maxsize=16)
 def _checkpoints(path: Circle) -> NDArray[np.int64]:
     """int64 [n, 3]: x, y, c after 0, INTERVAL, 2 INTERVAL, ... steps of the arc."""
     states = np.empty((path.arc_ticks // INTERVAL + 1, 3), dtype=np.int64)
-    state = path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius
-    scratch = np.empty((INTERVAL, 2), dtype=np.int8)
+    state = np.array([path.xs, path.ys, path.xs**2 + path.ys**2 - path.squared_radius])
     for row in states:
         row[:] = state
-        state = _walk(*state, scratch, 0, 1)
+        core.walk(state, INTERVAL, np.empty((0, 2), dtype=np.int8), 0, 1)
     return states
-
-
-@njit(nogil=True)
-def _walk(x, y, c, delta, first, second):
-    """Make len(delta) ticks from (x, y), c = x^2 + y^2 - R^2, each a step in column `first` or `second`; return the
-    state reached. A quadrant includes the half axis on which the counter-clockwise path enters it."""
-    for i in range(delta.shape[0]):
-        rx = -1 if y > 0 or (y == 0 and x > 0) else 1
-        ry = 1 if x > 0 or (x == 0 and y < 0) else -1
-        inward = c + rx * x + ry * y + 1 > 0
-        if inward == (rx * x < 0):  # X goes inwards in quadrants I and III, outwards in II and IV
-            c += 2 * rx * x + 1
-            x += rx
-            delta[i, first] = rx
-        else:
-            c += 2 * ry * y + 1
-            y += ry
-            delta[i, second] = ry
-    return x, y, c

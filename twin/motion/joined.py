@@ -38,10 +38,11 @@ from numpy.typing import NDArray
 
 from isel_twin.base.units import SECOND_NS
 from isel_twin.motion.blocks import PlanBlock, State, block_at, block_positions, long_enough, opened
-from isel_twin.motion.look_ahead import DT, LENGTH, S0, S1, V0, T, places, speed_at
+from isel_twin.motion.look_ahead import DT, LENGTH, PLAN_PHASE, S0, S1, V0, T, in_c
 from isel_twin.motion.path import Displacement, check_range
 from isel_twin.motion.pieces import Pieces
 from isel_twin.motion.planning import Ramps, now
+from isel_twin.native import core
 
 # periods by which an end may miss a tick and still count as on it: nanoseconds at standstill (motion/12)
 GRID_NOISE = 1e-6
@@ -296,11 +297,10 @@ class Joined:
             return number, State(row, piece, s, 0.0, t_s, True)
         number = block_at(self.blocks, t_s)
         block = self.blocks[number]
-        row = block.row(t_s)
-        place, at = np.empty(1), np.empty(1, dtype=np.int64)
-        places(k, self.period_s, block.phases, block.piece, self.sine, place, at)
-        speed = speed_at(t_s - block.phases[row, T], block.phases, row, self.sine) if row >= 0 else 0.0
-        return number, State(row, max(int(at[0]), 0), float(place[0]), float(speed), t_s, row < 0)
+        at = np.empty(2)
+        row = core.plan_state(t_s, in_c(block.phases, PLAN_PHASE), self.sine, at)
+        s, v = at.tolist()
+        return number, State(row, int(block.piece[row]) if row >= 0 else 0, s, v, t_s, row < 0)
 
     def _with(self, before: tuple[PlanBlock, ...], tail: PlanBlock, k: int) -> Joined:
         """The plan with these blocks, the last one split where nothing will change any more."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.base.compiling import njit
+from isel_twin.native import core
 
 SMALL = 1 << 30  # ticks of a line whose formula keeps within 64 bits
 Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an axis
@@ -71,12 +71,8 @@ class StepLine:
 
     def deltas(self, first: int, last: int) -> NDArray[np.int8]:
         check_range(first, last, self.ticks)
-        leading = bytes([((n == self.ticks) - (n == -self.ticks)) & 0xFF for n in self.steps])
-        rows = np.frombuffer(bytearray(leading * (last - first)), dtype=np.int8)  # the fastest way to equal rows
-        delta = rows.reshape(last - first, self.axes)
-        for axis, n in enumerate(self.steps):
-            if n and abs(n) != self.ticks:
-                fill_even(delta, axis, first, n, self.ticks)
+        delta = np.zeros((last - first, self.axes), dtype=np.int8)
+        core.fill_even(delta, np.array(self.steps, dtype=np.int64), first, self.ticks)
         return delta
 
     def displacement(self, k: int) -> Displacement:
@@ -111,28 +107,3 @@ def even(k: int, n: int, ticks: int) -> int:
     if n < 0:  # the way back passes through the same kind of points (motion/5)
         return -even(k, -n, ticks)
     return (2 * k * n + ticks) // (2 * ticks) if n else 0
-
-
-def fill_even(delta: NDArray[np.int8], axis: int, first: int, n: int, ticks: int) -> None:
-    """Write the steps of this axis into its column of zeros: delta[i, axis] is tick first + 1 + i; |n| <= ticks.
-
-    Step j falls at the tick that `StepLine.tick_of` says.
-    """
-    if not n:
-        return
-    two_n = 2 * abs(n)
-    done = (first * two_n + ticks) // (2 * ticks)
-    tick, rest = divmod((2 * done + 1) * ticks + two_n - 1, two_n)
-    _fill_even(delta, axis, tick - first - 1, rest, *divmod(2 * ticks, two_n), two_n, 1 if n > 0 else -1)
-
-
-@njit(nogil=True)
-def _fill_even(delta, axis, i, rest, whole, part, modulus, step):
-    """Steps lie whole + part / modulus apart; the first one at i + rest / modulus, rounded down."""
-    while i < delta.shape[0]:
-        delta[i, axis] = step
-        i += whole
-        rest += part
-        if rest >= modulus:
-            rest -= modulus
-            i += 1

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES
-from isel_twin.motion.look_ahead import FAULTS, faults
+from isel_twin.motion.look_ahead import FAULTS
+from isel_twin.native import core
 
 
 class Curve(Protocol):
@@ -49,7 +50,7 @@ class Pieces:
             raise ValueError(f"displacements are a table of 1 to {len(AXIS_NAMES)} axes, not {self.displacement.shape}")
         if any(column.shape != (len(self.displacement),) for column in self.columns[1:]):
             raise ValueError(f"columns of pieces must all have {len(self.displacement)} rows")
-        fault = faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in self.columns))
+        fault = core.faults(*(np.ascontiguousarray(column, dtype=np.float64) for column in self.columns))
         if fault:
             raise ValueError(FAULTS[fault])
 

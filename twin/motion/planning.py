@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.motion.blocks import Law, PlanBlock, State
-from isel_twin.motion.look_ahead import DT, LENGTH, LIMIT, S0, S1, SPEED, V0, V1, T, brake, lay
+from isel_twin.motion.look_ahead import DT, LENGTH, LIMIT, PLAN_PHASE, PLAN_PIECE, S0, S1, SPEED, V0, V1, T, in_c
+from isel_twin.native import core
 
 
 class Ramps(NamedTuple):
@@ -29,10 +30,10 @@ class Ramps(NamedTuple):
         """A law from place s of a piece to the end of the chain."""
         table = block.table[piece:]
         wanted = np.minimum(np.minimum(table[:, SPEED] * self.scale, table[:, LIMIT]), self.ceiling)
-        phases, at = np.empty((3 * len(table), 6)), np.empty(3 * len(table), dtype=np.int32)
-        back = np.empty(len(at), dtype=np.int8)
-        count, settled, kept = lay(t_s, s, v, table, wanted, self.mean, phases, at, back)
-        return Law(phases[:count], at[:count], back[:count], settled, kept or not count)
+        phases, at, back, told = _room(3 * len(table))
+        pieces, joint = in_c(table, PLAN_PIECE), np.empty(len(table) + 1)
+        count = core.lay(t_s, s, v, pieces, wanted, self.mean, joint, in_c(phases, PLAN_PHASE), at, back, told)
+        return Law(phases[:count], at[:count], back[:count], int(told[0]), bool(told[1]) or not count)
 
     def laid(self, block: PlanBlock, state: State) -> tuple[int, int, Law]:
         """The plan from here on: number of phases that stay, number of the piece on which the new law begins, the
@@ -71,13 +72,20 @@ class Ramps(NamedTuple):
     def _brake(self, block: PlanBlock, piece: int, t_s: float, s: float, v: float, sharpness: float) -> Law:
         """A law from place s of a piece to standstill."""
         table = block.table[piece:]
-        phases, at = np.empty((len(table), 6)), np.empty(len(table), dtype=np.int32)
-        back = np.empty(len(table), dtype=np.int8)
-        count, kept = brake(t_s, s, v, table, self.mean * sharpness, phases, at, back) if v > 0 else (0, True)
-        return Law(phases[:count], at[:count], back[:count], 0, kept)
+        phases, at, back, told = _room(len(table) if v > 0 else 0)
+        if not len(phases):
+            return Law(phases, at, back, 0, not v > 0)
+        rows, mean = in_c(phases, PLAN_PHASE), self.mean * sharpness
+        count = core.brake(t_s, s, v, in_c(table, PLAN_PIECE), mean, rows, at, back, told)
+        return Law(phases[:count], at[:count], back[:count], 0, bool(told[1]))
 
     def _falling(self, block: PlanBlock, state: State) -> bool:
         return self.sine and not state.ended and bool(block.phases[state.row, V1] < block.phases[state.row, V0])
+
+
+def _room(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int8], NDArray[np.int64]]:
+    """Arrays for n phases, and for what is told of them."""
+    return np.empty((n, 6)), np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int8), np.empty(2, dtype=np.int64)
 
 
 def now(block: PlanBlock, state: State) -> tuple[int, int, float]:

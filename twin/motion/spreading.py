@@ -11,36 +11,16 @@ of several axes at the same nanosecond are one tick.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
+from isel_twin.native import core
 
 
-@njit(nogil=True, error_model="numpy")
-def spread(changes, start_ns, duration_ns):
+def spread(
+    changes: NDArray[np.int64], start_ns: int, duration_ns: int
+) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """(t_ns int64 [n], delta int8 [n, axes]) of a row. changes: int64 [axes]."""
-    axes = len(changes)
-    most = 0
-    for axis in range(axes):
-        most += abs(changes[axis])
-    t_ns = np.empty(most, np.int64)
-    delta = np.zeros((most, axes), np.int8)
-    made = np.zeros(axes, np.int64)
-    ticks = 0
-    while True:
-        first = np.int64(-1)
-        for axis in range(axes):
-            steps = abs(changes[axis])
-            if made[axis] < steps:
-                at = (2 * made[axis] + 1) * duration_ns // (2 * steps)
-                if first < 0 or at < first:
-                    first = at
-        if first < 0:
-            break
-        t_ns[ticks] = start_ns + first
-        for axis in range(axes):
-            steps = abs(changes[axis])
-            if made[axis] < steps and (2 * made[axis] + 1) * duration_ns // (2 * steps) == first:
-                delta[ticks, axis] = 1 if changes[axis] > 0 else -1
-                made[axis] += 1
-        ticks += 1
+    most = int(np.abs(changes).sum())
+    t_ns, delta = np.empty(most, np.int64), np.zeros((most, len(changes)), np.int8)
+    ticks = core.spread(changes, start_ns, duration_ns, np.zeros_like(changes), t_ns, delta)
     return t_ns[:ticks].copy(), delta[:ticks].copy()

@@ -16,12 +16,14 @@ with S = s_q + (f_q^2 - f0^2) / (2 a) and T = t_q + (f_q - f0) / a; the last tic
 
 Every t_k is rounded to the nearest nanosecond, ties to even. Cruise times are rational: an integer accumulator gives
 them without a division per tick. Ramp times are computed in double precision as x(d) = 2 d / (sqrt(f0^2 + 2 a d) + f0),
-which cancels no digits; the few too near to the middle between two nanoseconds are decided in exact arithmetic.
+which cancels no digits. Both are in time_law.c; the few too near to the middle between two nanoseconds are decided here
+in exact arithmetic.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -31,19 +33,38 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.base.units import SECOND_NS
+from isel_twin.native import core, record
 
 Rational = int | Fraction  # frequencies and accelerations are exact numbers; floats would be rounded
 LONGEST_NS = 1 << 62  # times must stay below this (146 years), so that sums of two fit into 64 bits
-# Bound for the error of the double-precision ramp time, relative to x(d) + 1 ns. With u = 2^-53 the relative errors are
-# at most: d 2 u, 2 a d 4 u, radicand 5 u, root 3.5 u, plus f0 4.5 u, numerator 4 u, quotient 9.5 u; adding the rounded
-# rest of T costs 1 u of the sum and 1 u of the rest.
-DOUBT = 12 * 2.0**-53
 
 PATH_DIGITS = 64  # binary digits after the point of a frequency that is irrational
 REST = 1 << 60  # parts of a nanosecond in which a rest that does not fit into 64 bits is kept
 ROOT_DIGITS = 128  # binary digits after the point to which irrational times are known
+
+PHASE = record(
+    "PHASE",
+    [
+        ("first", "i8"),  # ticks first + 1 .. last
+        ("last", "i8"),
+        ("t", "i8"),  # of a cruise the whole nanoseconds at tick `first`, of a ramp those at its end
+        # a cruise: the rest, and what a tick adds, in whole nanoseconds and parts
+        ("rest", "i8"),
+        ("step", "i8"),
+        ("step_rest", "i8"),
+        ("den", "i8"),  # parts of a nanosecond; 0: a ramp
+        ("rounded", "i8"),  # 1: rests are rounded down
+        # a ramp
+        ("sign", "i8"),
+        ("s", "i8"),  # its end in ticks, whole and rest
+        ("s_rest", "f8"),
+        ("f0", "f8"),
+        ("two_a", "f8"),
+        ("two_units", "f8"),  # units of time of the law in 2 s
+        ("t_rest", "f8"),
+    ],
+)
 
 
 class TimeLaw(Protocol):
@@ -123,30 +144,18 @@ class Trapezoid:
     def times(self, first: int, last: int) -> NDArray[np.int64]:
         if not 0 <= first <= last <= self.ticks:
             raise IndexError(f"ticks {first}..{last} of a time law of {self.ticks}")
-        if last - first == 1:  # compiled code is not worth loading for that
-            return np.array([self._time(last)])
-        out = np.empty(last - first, dtype=np.int64)
-        for phase in _phases(self._law):
-            low, high = max(first, phase.first), min(last, phase.last)
-            if low < high:
-                phase.fill(out[low - first : high - first], low + 1)
+        phases, table = _phases(self._law)
+        out, done = np.empty(last - first, dtype=np.int64), 0
+        while (done := core.tick_times(out, done, first, table)) < len(out):
+            out[done] = _exact(phases, first + 1 + done)
+            done += 1
         return out
 
     def count(self, t_ns: int) -> int:
-        """By the closed form of s(t), corrected by the rounded times: constant cost."""
         if t_ns >= self.duration_ns:
             return self.ticks
-        estimate = 0
-        for phase in _phases(self._law):
-            estimate = min(max(phase.estimate(t_ns), phase.first), phase.last)
-            if estimate < phase.last:
-                break
-        count = min(estimate, self.ticks)
-        while count < self.ticks and self._time(count + 1) <= t_ns:
-            count += 1
-        while count > 0 and self._time(count) > t_ns:
-            count -= 1
-        return count
+        made = core.ticks_by(t_ns, self.ticks, _phases(self._law)[1])
+        return made if made >= 0 else bisect_right(range(1, self.ticks + 1), t_ns, key=self._time)
 
     def cut(self, t_ns: int) -> Trapezoid:
         return self if t_ns >= self.duration_ns else replace(self, ticks=self.count(t_ns))
@@ -162,11 +171,10 @@ class Trapezoid:
         return Trapezoid(min(last, self.ticks), self._law._replace(stop_ns=t_ns))
 
     def _time(self, k: int) -> int:
-        """Time of one tick, faster than by `times`."""
-        for phase in _phases(self._law):
-            if k <= phase.last:
-                return phase.time(k)
-        raise IndexError(f"tick {k} of a time law of {self.ticks}")
+        """Time of one tick."""
+        phases, table = _phases(self._law)
+        time_ns = core.tick_time(k, table)
+        return time_ns if time_ns >= 0 else _exact(phases, k)
 
 
 def law_numbers(law: Trapezoid) -> list[int | None]:
@@ -227,9 +235,22 @@ def _stop_ramp(law: _Law, t_ns: int) -> tuple[Fraction, Fraction] | None:
     return (phase + s_r, t + t_r) if phase < n - s_r else None
 
 
+_Phases = tuple["_Cruise | _Ramp", ...]
+
+
 @lru_cache(maxsize=64)
-def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
-    """The phases of a law in order, none of them empty."""
+def _phases(law: _Law) -> tuple[_Phases, NDArray[np.void]]:
+    """The phases of a law in order, none of them empty, and what C knows of them: PHASE [n]."""
+    phases = _planned(law)
+    return phases, np.array([phase.numbers for phase in phases], PHASE)
+
+
+def _exact(phases: _Phases, k: int) -> int:
+    """Time of tick k in exact arithmetic."""
+    return next(phase for phase in phases if k <= phase.last).time(k)
+
+
+def _planned(law: _Law) -> _Phases:
     n, v, f0, a, unit_ns, stop_ns = law
     if law.flat:
         return (_cruise(0, n, unit_ns, 0, v),) if n else ()
@@ -238,14 +259,14 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         peak = 4 * (f0 * f0 + a * n)
         risen = n // 2
         end = _root(peak) - (2 * f0 << ROOT_DIGITS)
-        rest: list[_Cruise | _Ramp] = [_ramp(risen, n, -1, law, n, end * unit_ns, a << ROOT_DIGITS, peak)]
+        rest: list[_Cruise | _Ramp] = [_Ramp(risen, n, -1, law, n, end * unit_ns, a << ROOT_DIGITS, peak)]
     else:  # t_r - s_r / V = (V - f0)^2 / (2 a V),  T = 2 t_r + (n - 2 s_r) / V
         risen, fall = double_rise // (2 * a), (2 * a * n - double_rise) // (2 * a)
         rest = [
             _cruise(risen, fall, 2 * a * unit_ns, (v - f0) ** 2 * unit_ns, 2 * a * v),
-            _ramp(fall, n, -1, law, n, ((v - f0) ** 2 + a * n) * unit_ns, a * v),
+            _Ramp(fall, n, -1, law, n, ((v - f0) ** 2 + a * n) * unit_ns, a * v),
         ]
-    phases = [_ramp(0, risen, +1, law, 0, 0, 1), *rest]
+    phases = [_Ramp(0, risen, +1, law, 0, 0, 1), *rest]
     if stop_ns is not None:
         planned = law._replace(stop_ns=None)
         stop = _stop_ramp(planned, stop_ns)
@@ -253,7 +274,7 @@ def _phases(law: _Law) -> tuple[_Cruise | _Ramp, ...]:
         made = Trapezoid(n, planned).count(stop_ns)
         phases = [phase._replace(last=min(phase.last, made)) for phase in phases if phase.first < made]
         end_ns = stop[1] * unit_ns
-        phases.append(_ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
+        phases.append(_Ramp(made, math.floor(stop[0]), -1, law, stop[0], end_ns.numerator, end_ns.denominator))
     return tuple([phase for phase in phases if phase.first < phase.last])
 
 
@@ -269,43 +290,23 @@ class _Cruise(NamedTuple):
     offset: int
     denominator: int
 
-    def estimate(self, t_ns: int) -> int:
-        return (t_ns * self.denominator - self.offset) // self.slope
-
     def time(self, k: int) -> int:
         whole, rest = divmod(self.slope * k + self.offset, self.denominator)
         return whole + (2 * rest > self.denominator or (2 * rest == self.denominator and whole & 1))
 
-    def fill(self, out: NDArray[np.int64], k: int) -> None:
-        """Write the times of ticks k, k + 1, ... to out."""
-        start, den = self.slope * k + self.offset, self.denominator
-        if den < 1 << 61:
-            _fill_cruise(out, *divmod(start, den), *divmod(self.slope, den), den)
-        else:  # the rests do not fit into 64 bits: between two that do, and the few ticks where these differ one by one
-            (whole, rest), (step_whole, step_rest) = divmod(start, den), divmod(self.slope, den)
-            low, step_low, high = rest * REST // den, step_rest * REST // den, np.empty_like(out)
-            _fill_cruise(out, whole, low, step_whole, step_low, REST)
-            _fill_cruise(high, whole, low + 1, step_whole, step_low + 1, REST)
-            for i in np.flatnonzero(out != high).tolist():
-                out[i] = self.time(k + i)
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """PHASE of it; rests that do not fit into 64 bits are rounded down."""
+        den, rounded = self.denominator, self.denominator >= 1 << 61
+        (whole, rest), (step, step_rest) = divmod(self.slope * self.first + self.offset, den), divmod(self.slope, den)
+        if rounded:
+            rest, step_rest, den = rest * REST // den, step_rest * REST // den, REST
+        return self.first, self.last, whole, rest, step, step_rest, den, rounded, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def _cruise(first: int, last: int, slope: int, offset: int, denominator: int) -> _Cruise:
     common = math.gcd(slope, offset, denominator)
     return _Cruise(first, last, slope // common, offset // common, denominator // common)
-
-
-@njit(nogil=True)
-def _fill_cruise(out, whole, rest, step_whole, step_rest, den):
-    """out[i] = round(whole + rest / den + i (step_whole + step_rest / den)), ties to even; no rest is above den."""
-    for i in range(out.size):
-        double = 2 * rest
-        out[i] = whole + (double > den or (double == den and whole & 1))
-        whole += step_whole
-        rest += step_rest
-        if rest >= den:
-            rest -= den
-            whole += 1
 
 
 # ---- ramps ---------------------------------------------------------------------------------------------------------
@@ -325,31 +326,17 @@ class _Ramp(NamedTuple):
     s: Rational
     end: int
     over: int  # T is end / over ns, exact without a peak, else far more precise than double precision
-    peak: int
-    # in double precision: sign, whole and rest of s, f0, 2 a, 2 units, whole and rest of the end
-    numbers: tuple[int, int, float, float, float, float, int, float]
+    peak: int = 0
 
-    def estimate(self, t_ns: int) -> int:
-        tau = self.sign * (t_ns * self.over - self.end) / (self.over * self.law.unit_ns)
-        d = tau * (self.law.start_stop + self.law.acceleration / 2 * tau) if tau > 0 else 0.0
-        return math.floor(self.s) + math.floor(self.sign * d + float(self.s % 1))
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """PHASE of it, in double precision."""
+        law, (t, t_rest) = self.law, divmod(self.end, self.over)
+        f0, two_a, two_units = float(law.start_stop), float(2 * law.acceleration), float(2 * law.unit_ns)
+        ramp = self.sign, math.floor(self.s), float(self.s % 1), f0, two_a, two_units, t_rest / self.over
+        return self.first, self.last, t, 0, 0, 0, 0, 0, *ramp
 
     def time(self, k: int) -> int:
-        n = _ramp_tick(k, *self.numbers)
-        return self._settle(k) if n is None else n
-
-    def fill(self, out: NDArray[np.int64], k: int) -> None:
-        """Write the times of ticks k, k + 1, ... to out."""
-        done = 0
-        while True:
-            done = _fill_ramp(out, done, k, *self.numbers)
-            if done == out.size:
-                return
-            out[done] = self._settle(k + done)
-            done += 1
-
-    def _settle(self, k: int) -> int:
-        """Time of tick k in exact arithmetic."""
         f0, a, unit_ns = self.law.start_stop, self.law.acceleration, self.law.unit_ns
         shift = -f0 if self.peak else Fraction(a * self.end, self.over * unit_ns) - self.sign * f0
         r = f0 * f0 + 2 * a * self.sign * (k - self.s)
@@ -368,13 +355,6 @@ class _Ramp(NamedTuple):
         return n
 
 
-def _ramp(first: int, last: int, sign: int, law: _Law, s: Rational, end: int, over: int, peak: int = 0) -> _Ramp:
-    t, t_rest = divmod(end, over)
-    f0, two_a, two_units = float(law.start_stop), float(2 * law.acceleration), float(2 * law.unit_ns)
-    numbers = sign, math.floor(s), float(s % 1), f0, two_a, two_units, t, t_rest / over
-    return _Ramp(first, last, sign, law, s, end, over, peak, numbers)
-
-
 def _root(x: Rational) -> int:
     """sqrt(x) 2^ROOT_DIGITS, rounded down."""
     return math.isqrt((x.numerator << 2 * ROOT_DIGITS) // x.denominator)
@@ -389,28 +369,3 @@ def _sign(p: Rational, q: Rational, y: Rational) -> int:
         return -1
     left, right = d * d, 4 * y * y * q
     return (left > right) - (left < right)
-
-
-@njit(nogil=True)
-def _fill_ramp(out, done, k, sign, s, s_rest, f0, two_a, two_units, t, t_rest):
-    """Fill out[done:] until a time is too near to a tie to decide; return the index reached. out[i] is tick k + i."""
-    for i in range(done, out.size):
-        d = sign * (k + i - s) + s_rest
-        x = two_units * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
-        y = t_rest + sign * x
-        n = np.rint(y)
-        if 0.5 - abs(y - n) <= DOUBT * (x + 1.0):
-            return i
-        out[i] = t + np.int64(n)
-    return out.size
-
-
-def _ramp_tick(
-    k: int, sign: int, s: int, s_rest: float, f0: float, two_a: float, two_units: float, t: int, t_rest: float
-) -> int | None:
-    """One time as in `_fill_ramp`, without the cost of calling compiled code; None: too near to a tie to decide."""
-    d = sign * (k - s) + s_rest
-    x = two_units * d / (math.sqrt(f0 * f0 + two_a * d) + f0)
-    y = t_rest + sign * x
-    n = round(y)
-    return None if 0.5 - abs(y - n) <= DOUBT * (x + 1.0) else t + n

@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+CORE = HERE / "core.c"
 FLAGS = (
     "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-fPIC", "-shared",
     "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror=vla",
@@ -44,10 +45,10 @@ class BuildError(RuntimeError):
     """There is no compiler, or it refuses the source; the message says what to do."""
 
 
-def sources() -> list[Path]:
-    """core.c and all that it includes; none in an installed package."""
+def sources(source: Path = CORE) -> list[Path]:
+    """A C file and all that it includes; none in an installed package."""
     found: dict[Path, None] = {}
-    ahead = [HERE / "core.c"]
+    ahead = [source]
     while ahead:
         path = ahead.pop()
         if path not in found and path.is_file():
@@ -66,7 +67,7 @@ def digest(files: list[Path]) -> str:
 
 
 def exports(files: list[Path]) -> str:
-    """The text of exports.h."""
+    """The text of exports.h for a library of these files."""
     prototypes = [" ".join(match.split()) for path in files for match in _PROTOTYPE.findall(path.read_text("utf-8"))]
     lines = "".join(f'    "{prototype}\\n"\n' for prototype in prototypes)
     return f'TEXT core_prototypes =\n{lines};\nTEXT core_source = "core_source={digest(files)}";\n'
@@ -100,12 +101,13 @@ def usable() -> bool:
 
 
 def build(path: Path | None = None, compiler: list[str] | None = None, extra: tuple[str, ...] = (), *,
-          target: str = "", shown: bool = False) -> Path:  # fmt: skip
-    """Compile the library, by default beside this file. Raises BuildError with one line.
+          target: str = "", shown: bool = False, source: Path = CORE) -> Path:  # fmt: skip
+    """Compile the library, by default beside its source. Raises BuildError with one line.
 
-    extra: further flags; target: the machine it is for, as ziglang names it; shown: let the compiler say what it says.
+    extra: further flags; target: the machine it is for, as ziglang names it; shown: let the compiler say what it says;
+    source: another C file than core.c.
     """
-    files, path = sources(), path or HERE / f"core{suffix(target)}"
+    files, path = sources(source), path or source.with_suffix(suffix(target))
     if not files:
         raise BuildError(f"{HERE}: has no C sources; install isel-twin anew")
     if target:
@@ -120,7 +122,7 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
             made = Path(folder) / path.name
             for command in commands:
                 flags = [*_flags(command, target), *extra, f"-I{folder}"]
-                why = _run([*command, *flags, str(HERE / "core.c"), "-o", str(made), "-lm"], shown)
+                why = _run([*command, *flags, str(source), "-o", str(made), "-lm"], shown)
                 if not why:
                     os.replace(made, path)
                     return path
@@ -129,11 +131,14 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
     raise BuildError(f"{why}; `python -m isel_twin.native.compiling` says more; `pip install ziglang` is a compiler")
 
 
-def library() -> Path:
-    """The library beside this file; in a checkout whose C has changed it is built anew. Raises BuildError."""
-    path, files = HERE / f"core{suffix()}", sources()
+def library(source: Path = CORE) -> Path:
+    """The library beside its source; in a checkout whose C has changed it is built anew. ISEL_TWIN_CORE names another
+    one for core.c, as it is: one with sanitizers, for example. Raises BuildError."""
+    if source == CORE and (other := os.environ.get("ISEL_TWIN_CORE")):
+        return Path(other)
+    path, files = source.with_suffix(suffix()), sources(source)
     if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):
-        return build(path)
+        return build(path, source=source)
     if not path.exists():
         raise BuildError(f"{path}: is missing; install isel-twin anew")
     return path

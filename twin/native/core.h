@@ -18,6 +18,15 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
+/* What must hold of places in arrays; only a debug build looks (`make sanitize`), and ends with the line. */
+#ifdef DEBUG
+#include <stdio.h>
+#include <stdlib.h>
+#define CHECK(holds) ((holds) ? (void)0 : (fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #holds), abort()))
+#else
+#define CHECK(holds) ((void)0)
+#endif
+
 #define PI 3.141592653589793
 
 /* Python's min and max: the first of two that are equal, and of a number and nan. */

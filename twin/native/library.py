@@ -25,7 +25,7 @@ _ELEMENTS = {
     "double": np.dtype(np.float64),
 }
 _ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)\)")
-_POINTER = re.compile(r"(?:const )?\w+ \*(\w+)")
+_POINTER = re.compile(r"(?:const )?(\w+) \*\w+")
 _NUMBER = re.compile(r"(int64_t|double) (\w+)")
 
 RECORDS: dict[str, np.dtype[np.void]] = {}  # by the name of the C struct
@@ -59,7 +59,10 @@ def address(array: NDArray[Any]) -> int:
 
 
 class Core:
-    """The functions of the library, by name."""
+    """The functions of the library, by name; or of that of another C file than core.c."""
+
+    def __init__(self, source: Path = compiling.CORE) -> None:
+        self._source = source
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -87,7 +90,7 @@ class Core:
     def path(self) -> Path:
         """The library of this source. Raises CoreError."""
         try:
-            return compiling.library()
+            return compiling.library(self._source)
         except compiling.BuildError as error:
             raise CoreError(str(error)) from None
 
@@ -118,7 +121,8 @@ class Core:
                 types += [ctypes.c_void_p, *[ctypes.c_int64] * {"R": 0, "A1": 1, "A2": 2}[array[1]]]
             elif number := _NUMBER.fullmatch(argument):
                 types.append(_NUMBERS[number[1]])
-            elif _POINTER.fullmatch(argument):
+            elif pointer := _POINTER.fullmatch(argument):
+                self._check(pointer[1])
                 types.append(ctypes.c_void_p)
             else:
                 raise CoreError(f"{self.path}: {prototype}: what is {argument}?")
@@ -126,9 +130,11 @@ class Core:
         return made
 
     def _check(self, element: str) -> None:
-        """Raise CoreError unless a record is laid out in C as here."""
+        """Raise CoreError unless a record, and what it points to, is laid out in C as here."""
         if element in RECORDS and self.text(f"layout_{element}") != layout(RECORDS[element]):
             raise CoreError(f"{self.path}: {element} is another record here; {compiling.REMEDY}")
+        for pointed in set(POINTED.get(element, {}).values()):
+            self._check(pointed)
 
 
 def _arguments(prototype: str) -> list[str]:

@@ -2,9 +2,81 @@
 #pragma once
 #include <stddef.h>
 
+#define IS_TIME -2
+#define NO_BIT 6
+#define SHORT_ROW 7
+#define TOO_LATE 8
+#define NO_COUNT 9
+#define ALL 63
+#define LOST 64
+#define FOUND 128
+#define NO_TIME 1
+#define EARLIER 2
+#define NO_VALUE 3
+#define NO_SIGNAL 4
+#define NO_END 5
+#define LONGEST_NS 1000000000000000000
+#define SLOW_RAD_S 1.0
+#define OPEN 0
+#define PHASE_A 1
+#define PHASE_B 2
+#define BOTH 3
+#define LAG_FAULT 1
+#define VOLTAGE_FAULT 2
+#define I2T_BACK 0.9
+#define STEPPER 0
+#define SERVO 1
+#define STATES 6
+#define DONE 1
+#define OUTSIDE 2
+#define STEPS_LOST 4
+#define IDLE -2
+#define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
+#define FARTHEST 2147483648.0
+#define FRACTIONS 65536.0
+#define SPEED_STEP_RAD_S 2.0
+#define SPEEDS 256
 #define AXES 3
+#define SAMPLES 2048
+#define FAR_M 1000.0
+#define NEVER 9223372036854775807
 #define KEPT 1
 #define SAME 2
+#define APART 0
+#define FRESH 2
+#define PARTED_MM 0.5
+#define POSITION 0
+#define LAG 1
+#define TOUCH 3
+#define BOX 0
+#define RING 2
+#define PLANE 3
+#define NEWS 2
+#define PULSE_NS 5000
+#define SETUP_NS 1000
+
+typedef struct {
+    int64_t place;
+    int64_t line;
+    int64_t time;
+    int64_t begin;
+    int64_t problem;
+    int64_t column;
+    int64_t rows;
+    int64_t part;
+} SCAN;
+_Static_assert(offsetof(SCAN, place) == 0, "place");
+_Static_assert(offsetof(SCAN, line) == 8, "line");
+_Static_assert(offsetof(SCAN, time) == 16, "time");
+_Static_assert(offsetof(SCAN, begin) == 24, "begin");
+_Static_assert(offsetof(SCAN, problem) == 32, "problem");
+_Static_assert(offsetof(SCAN, column) == 40, "column");
+_Static_assert(offsetof(SCAN, rows) == 48, "rows");
+_Static_assert(offsetof(SCAN, part) == 56, "part");
+
+_Static_assert(sizeof(SCAN) == 64, "SCAN");
+
+TEXT layout_SCAN = "place i8 0; line i8 8; time i8 16; begin i8 24; problem i8 32; column i8 40; rows i8 48; part i8 56; 64";
 
 typedef struct {
     int64_t on;
@@ -58,6 +130,43 @@ _Static_assert(offsetof(CUT, bend_m) == 176, "bend_m");
 _Static_assert(sizeof(CUT) == 192, "CUT");
 
 TEXT layout_CUT = "on i8 0; flutes i8 8; start i8 16; turns f8 24; tooth_s f8 32; gain f8 40; most_m_s f8 48; n_per_m f8 56; m f8 64; radial f8 72; edge_n f8 80; edge_radial_n f8 88; enter_rad f8 96; leave_rad f8 104; left f8 112; x_m_s f8 120; y_m_s f8 128; x_n f8 136; y_n f8 144; sum_x_n f8 152; sum_y_n f8 160; tool_m_per_n f8 168; bend_m ('<f8', (2,)) 176; 192";
+
+typedef struct {
+    int64_t first;
+    int64_t last;
+    int64_t t;
+    int64_t rest;
+    int64_t step;
+    int64_t step_rest;
+    int64_t den;
+    int64_t rounded;
+    int64_t sign;
+    int64_t s;
+    double s_rest;
+    double f0;
+    double two_a;
+    double two_units;
+    double t_rest;
+} PHASE;
+_Static_assert(offsetof(PHASE, first) == 0, "first");
+_Static_assert(offsetof(PHASE, last) == 8, "last");
+_Static_assert(offsetof(PHASE, t) == 16, "t");
+_Static_assert(offsetof(PHASE, rest) == 24, "rest");
+_Static_assert(offsetof(PHASE, step) == 32, "step");
+_Static_assert(offsetof(PHASE, step_rest) == 40, "step_rest");
+_Static_assert(offsetof(PHASE, den) == 48, "den");
+_Static_assert(offsetof(PHASE, rounded) == 56, "rounded");
+_Static_assert(offsetof(PHASE, sign) == 64, "sign");
+_Static_assert(offsetof(PHASE, s) == 72, "s");
+_Static_assert(offsetof(PHASE, s_rest) == 80, "s_rest");
+_Static_assert(offsetof(PHASE, f0) == 88, "f0");
+_Static_assert(offsetof(PHASE, two_a) == 96, "two_a");
+_Static_assert(offsetof(PHASE, two_units) == 104, "two_units");
+_Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
+
+_Static_assert(sizeof(PHASE) == 120, "PHASE");
+
+TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
 
 typedef struct {
     int64_t kind;
@@ -558,9 +667,7 @@ typedef struct {
     int64_t began_ns;
     int64_t piece;
     double way_mm;
-    double x_mm;
-    double y_mm;
-    double z_mm;
+    double tool_mm[3];
     int64_t rest_ns;
     double led_mm;
     double deviation_mm;
@@ -581,9 +688,7 @@ _Static_assert(offsetof(TRACK, until_ns) == 56, "until_ns");
 _Static_assert(offsetof(TRACK, began_ns) == 64, "began_ns");
 _Static_assert(offsetof(TRACK, piece) == 72, "piece");
 _Static_assert(offsetof(TRACK, way_mm) == 80, "way_mm");
-_Static_assert(offsetof(TRACK, x_mm) == 88, "x_mm");
-_Static_assert(offsetof(TRACK, y_mm) == 96, "y_mm");
-_Static_assert(offsetof(TRACK, z_mm) == 104, "z_mm");
+_Static_assert(offsetof(TRACK, tool_mm) == 88, "tool_mm");
 _Static_assert(offsetof(TRACK, rest_ns) == 112, "rest_ns");
 _Static_assert(offsetof(TRACK, led_mm) == 120, "led_mm");
 _Static_assert(offsetof(TRACK, deviation_mm) == 128, "deviation_mm");
@@ -595,7 +700,7 @@ _Static_assert(offsetof(TRACK, reward_abort) == 168, "reward_abort");
 
 _Static_assert(sizeof(TRACK) == 176, "TRACK");
 
-TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; x_mm f8 88; y_mm f8 96; z_mm f8 104; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
+TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; tool_mm ('<f8', (3,)) 88; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
 
 typedef struct {
     double highest_hz;
@@ -619,6 +724,42 @@ _Static_assert(offsetof(LANE, rate_hz) == 56, "rate_hz");
 _Static_assert(sizeof(LANE) == 64, "LANE");
 
 TEXT layout_LANE = "highest_hz f8 0; steps_per_mm f8 8; half_slip f8 16; limit_rad_s f8 24; origin_mm f8 32; counter i8 40; fraction f8 48; rate_hz f8 56; 64";
+
+typedef struct {
+    double length;
+    double speed;
+    double limit;
+    double acceleration;
+    double entry;
+} PLAN_PIECE;
+_Static_assert(offsetof(PLAN_PIECE, length) == 0, "length");
+_Static_assert(offsetof(PLAN_PIECE, speed) == 8, "speed");
+_Static_assert(offsetof(PLAN_PIECE, limit) == 16, "limit");
+_Static_assert(offsetof(PLAN_PIECE, acceleration) == 24, "acceleration");
+_Static_assert(offsetof(PLAN_PIECE, entry) == 32, "entry");
+
+_Static_assert(sizeof(PLAN_PIECE) == 40, "PLAN_PIECE");
+
+TEXT layout_PLAN_PIECE = "length f8 0; speed f8 8; limit f8 16; acceleration f8 24; entry f8 32; 40";
+
+typedef struct {
+    double t;
+    double dt;
+    double s0;
+    double s1;
+    double v0;
+    double v1;
+} PLAN_PHASE;
+_Static_assert(offsetof(PLAN_PHASE, t) == 0, "t");
+_Static_assert(offsetof(PLAN_PHASE, dt) == 8, "dt");
+_Static_assert(offsetof(PLAN_PHASE, s0) == 16, "s0");
+_Static_assert(offsetof(PLAN_PHASE, s1) == 24, "s1");
+_Static_assert(offsetof(PLAN_PHASE, v0) == 32, "v0");
+_Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
+
+_Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
+
+TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
 
 typedef struct {
     PLANT *plant;

@@ -7,11 +7,30 @@ from pathlib import Path
 
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = ("isel_twin.plant.memory", "isel_twin.envs.tracking", "isel_twin.envs.track_vector")  # import all others
+MODULES = (  # these import all others
+    "isel_twin.capture.table", "isel_twin.envs.tracking", "isel_twin.motion.look_ahead", "isel_twin.motion.time_law",
+    "isel_twin.plant.memory",
+)  # fmt: skip
 # numbers that C has by the same name
 NUMBERS = {
-    "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
-}
+    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
+    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END"),
+    "isel_twin.capture.wave": ("LONGEST_NS",),
+    "isel_twin.core.seen": ("SLOW_RAD_S",),
+    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH"),
+    "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
+    "isel_twin.drives.servo_drive": ("I2T_BACK",),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
+    "isel_twin.drives.stability": ("STATES",),
+    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
+    "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
+    "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
+    "isel_twin.plant.memory": (
+        "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
+    ),
+    "isel_twin.plant.touch": ("BOX", "RING", "PLANE", "NEWS"),
+    "isel_twin.recordings.vcd": ("PULSE_NS", "SETUP_NS"),
+}  # fmt: skip
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 
@@ -23,12 +42,15 @@ def text() -> str:
     named = {
         name: getattr(importlib.import_module(module), name) for module, names in NUMBERS.items() for name in names
     }
+    if len(named) < sum(len(names) for names in NUMBERS.values()):
+        raise ValueError("NUMBERS: two have one name")
     order = [name for name in RECORDS if not POINTED[name]] + [name for name in RECORDS if POINTED[name]]
     parts = [
         "/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */\n"
-        "#pragma once\n#include <stddef.h>\n"
+        "#pragma once\n#include <stddef.h>\n\n"
     ]
-    parts.append("".join(f"#define {name} {number!r}\n" for name, number in named.items()))
+    for name, number in named.items():
+        parts[0] += f"#define {name} {repr(number).translate({40: '{', 41: '}'})}\n"  # a tuple is a list in C
     for name in order:
         dtype, pointed, fields, asserts = RECORDS[name], POINTED[name], [], []
         for field, (kind, at, *_) in (dtype.fields or {}).items():

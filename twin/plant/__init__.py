@@ -9,9 +9,11 @@ contact.py     collisions and least distances, on both plants; collision.py: one
 altered.py     what events change in the model while it works; pushing.py: forces from outside; power.py: what the
                drives are told
 touch.py       a touch probe, or a plate for tool lengths
-kernel.py      the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
-               lead.py (commands between set points), glide.py (MuJoCo's step between the stops), thread.py (uneven
-               screws), feed.py (common supply), margin.py (distance from falling out of step), teeth.py (of a cut)
+kernel.c       the compiled loop: drives and MuJoCo together, up to the first threshold passed; in it
+               lead.h (commands between set points), window.h (from MuJoCo's step to the next), glide.h (that step
+               between the stops), thread.h (uneven screws), feed.h (common supply), margin.h (distance from falling
+               out of step), teeth.h (of a cut), touch.h, samples.h; their data are in the modules of the same name,
+               and memory.py
 cutting.py     a cut as data; materials.py: specific cutting forces
 samples.py     samples that the loop takes by itself
 picture.py     what it looks like

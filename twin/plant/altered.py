@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.plant import PLACES, kernel
+from isel_twin.native import core
+from isel_twin.plant import PLACES
 from isel_twin.plant.glide import gliding
 from isel_twin.plant.prepared import Built
 from isel_twin.plant.weighing import weigh
@@ -77,7 +78,7 @@ class Alterations:
 
     def _begin(self) -> Built:
         self._keep()
-        kernel.wake(self._built.memory)
+        core.wake(self._built.memory)
         return self._built
 
     def _end(self) -> None:

@@ -27,7 +27,7 @@ from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE, axis_states, lay
 from isel_twin.drives.stage import Stage
 from isel_twin.machine import Axis, Machine, MachineError
 from isel_twin.native import core
-from isel_twin.plant import Threshold, kernel, memory, touch
+from isel_twin.plant import Threshold, memory, touch
 from isel_twin.plant.cutting import CUT
 from isel_twin.plant.feed import SUPPLY, supply_state
 from isel_twin.plant.glide import JOINT, slides, written_out
@@ -37,7 +37,7 @@ from isel_twin.plant.memory import Parts
 from isel_twin.plant.model import MODELS, Asked, asked_of, bare, found_targets, left_of_x, reach, tool_motion
 from isel_twin.plant.native import mj_step_address, time_step_address
 from isel_twin.plant.prepared import Built, Frame
-from isel_twin.plant.thread import SCREW, feel, laid_screw
+from isel_twin.plant.thread import SCREW, laid_screw
 from isel_twin.plant.weighing import check_steps, stiffest_n_per_m, weigh
 
 REST_TIME_S = 0.025  # standstill before the plant is frozen; a swinging joint is never slow for this long
@@ -81,14 +81,14 @@ def build(
         dof=frame.bare.axes,
         frame=frame,
         room=room,
-        begun=np.zeros_like(room),
+        begun=[part.copy() for part in room],
         inertia=np.zeros((nv, nv)),
         mobility=np.zeros((nv, nv)),
         weight=np.zeros(nv),
         **own,
     )
     _power_on(built, laid)
-    built.begun[:] = room
+    _copy(room, built.begun)
     _fill(built, start_mm, None)
     return built
 
@@ -98,7 +98,7 @@ def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Bu
     they are to be rebuilt for the machine they were for."""
     scratch = built.scratch if built.scratch is not built.data else mujoco.MjData(built.model)
     worn, built = built.machine, replace(built, machine=machine, scratch=scratch)
-    built.room[:] = built.begun
+    _copy(built.begun, built.room)
     _fill(built, start_mm, worn)
     return built
 
@@ -106,27 +106,32 @@ def rebuild(built: Built, machine: Machine, start_mm: NDArray[np.float64]) -> Bu
 def _fill(built: Built, start_mm: NDArray[np.float64], worn: Machine | None) -> None:
     """All numbers of the machine, at power-on. worn: whose numbers are there already; None: nobody's."""
     _wear(built, worn)
-    begun = built.room.copy()
+    begun = [part.copy() for part in built.room]
     data, parts, dof = built.data, built.parts, built.dof
     _stand(built, start_mm)
     weigh(built, data)
     check_steps(built)
-    built.begun[:] = begun
+    _copy(begun, built.begun)
     written_out(built.frame.slides, built.model, built.scratch, built.mobility, built.weight, parts.joints_law)
     parts.mobility[:] = built.mobility
     if built.scratch is data:
         _stand(built, start_mm)
     core.balance(built.memory, data.qpos, built.weight)
     if parts.plant["uneven"][0]:
-        feel(parts.screws, parts.axes, parts.drives, parts.states)
+        core.feel_nuts(built.memory)
     for switch in parts.thresholds:
         if switch["quantity"] == memory.POSITION:
             switch["passed"] = switch["sense"] * (data.qpos[dof[switch["axis"]]] - switch["limit"]) > 0.0
     if len(parts.thresholds):
         find_free(parts)
-    kernel.begin_window(built.memory)
+    core.begin_window(built.memory)
     if parts.feeler["on"][0]:
-        kernel.feel_now(built.memory)
+        core.feel_now(built.memory)
+
+
+def _copy(source: list[NDArray[np.uint8]], target: list[NDArray[np.uint8]]) -> None:
+    for have, into in zip(source, target, strict=True):
+        into[:] = have
 
 
 def _stand(built: Built, start_mm: NDArray[np.float64]) -> None:
@@ -158,9 +163,9 @@ def find_free(parts: Parts) -> None:
 
 def _parts(
     model: mujoco.MjModel, data: mujoco.MjData, thresholds: int, commands: int, targets: int
-) -> tuple[Parts, dict[str, NDArray[Any]], NDArray[np.uint8]]:
-    """All arrays of the loop, those of `Built` that go with them, and the room in which both are, one behind the other,
-    but what is MuJoCo's. The numbers come later."""
+) -> tuple[Parts, dict[str, NDArray[Any]], list[NDArray[np.uint8]]]:
+    """All arrays of the loop, those of `Built` that go with them, and the bytes of both but what is MuJoCo's: each in
+    memory of its own, so that a sanitizer sees who goes beyond. The numbers come later."""
     nv, pairs, three = model.nv, len(data.sensordata), memory.AXES
     laid: dict[str, tuple[tuple[int, ...], Any]] = {
         "plant": ((1,), memory.PLANT),
@@ -187,18 +192,15 @@ def _parts(
         "rates": ((nv,), np.float64),
         "touching": ((pairs,), np.int64),
         "touched_m": ((pairs, three), np.float64),
-        "kept": ((kernel.AXIS_WORDS + kernel.STATE_WORDS + 3 * nv,), np.int64),
+        "kept": ((three * (memory.AXIS.itemsize + AXIS_STATE.itemsize) // 8 + 3 * nv,), np.int64),
         "place": ((nv,), np.float64),
         "shape_mm": ((three, nv), np.float64),
         "coulomb_nm": ((three,), np.float64),
         "brake_nm": ((three,), np.float64),
         "closed": ((three,), np.bool_),
     }
-    sizes = {name: math.prod(shape) * np.dtype(kind).itemsize for name, (shape, kind) in laid.items()}
-    room, first, own = np.zeros(sum(sizes.values()), np.uint8), 0, {}
-    for name, (shape, kind) in laid.items():
-        own[name] = room[first : first + sizes[name]].view(kind).reshape(shape)
-        first += sizes[name]
+    room = [np.zeros(math.prod(shape) * np.dtype(kind).itemsize, np.uint8) for shape, kind in laid.values()]
+    own = {name: part.view(kind).reshape(shape) for part, (name, (shape, kind)) in zip(room, laid.items(), strict=True)}
     parts = Parts(
         samples=np.zeros((memory.SAMPLES, 4 + 2 * (nv + commands) + 3 * memory.AXES)),
         found=data.sensordata,
@@ -224,7 +226,7 @@ def _power_on(built: Built, thresholds: NDArray[np.void]) -> None:
     plant["step_at"] = time_step_address(model)
     plant["data"] = built.data._address
     plant["lost_dof"] = -1
-    plant["sample_at"] = kernel.NEVER
+    plant["sample_at"] = memory.NEVER
     plant["watched"] = (parts.thresholds["quantity"] != memory.POSITION).any()
     axes["dof"] = built.dof
     axes["phases"] = OPEN

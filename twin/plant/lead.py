@@ -56,15 +56,6 @@ def behind(lead, t_ns):
 
 
 @njit(inner=True, nogil=True, error_model="numpy")
-def mean_behind(lead, start_ns, end_ns, dt_ns):
-    """Integral of `behind` from start_ns to end_ns, over dt_ns."""
-    last_ns = min(end_ns, lead.end_ns)
-    if start_ns >= last_ns:
-        return 0.0
-    return lead.pending * (last_ns - start_ns) * (2 * lead.end_ns - start_ns - last_ns) / (2.0 * lead.lead_ns * dt_ns)
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
 def begin(lead, t_ns, change, lead_ns):
     lead.pending = behind(lead, t_ns) + change
     lead.end_ns = t_ns + lead_ns

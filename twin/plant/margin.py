@@ -1,4 +1,4 @@
-"""How far a motor was from losing step: its pull-out margin, computed after every window of the kernel.
+"""How far a motor was from losing step: its pull-out margin, computed after every window of the loop (margin.h).
 
 One number for each axis, 1 without load and 0 where the motor loses step, that shows how reliably a job works. Two
 limits can be reached; the margin is the smaller of what is left:
@@ -23,14 +23,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.drives.curves import iron_torques, pull_out_predictions
 from isel_twin.drives.motor import Motor
 from isel_twin.drives.stage import Stage
 
 SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
 SPEEDS = 256  # entries: up to 510 rad/s, where no motor here has torque; the last one holds for all beyond
-_LEAST_NM = 1e-6  # less counts as no torque
 
 
 @lru_cache(64)
@@ -40,17 +38,3 @@ def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     omega: NDArray[np.float64] = SPEED_STEP_RAD_S * np.arange(SPEEDS, dtype=np.float64)
     net = pull_out_predictions(motor, stage, omega * 60.0 / (2.0 * math.pi))
     return np.where(net > 0.0, net + iron_torques(motor, omega), 0.0)
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction):
-    """Pull-out margin at one moment. torque_nm: mean over a window; speed_rad_s: as the voltage scales it;
-    available_nm: `available_torque`; fraction: of the nominal current, which may be lowered at rest."""
-    place = min(abs(speed_rad_s) / SPEED_STEP_RAD_S, SPEEDS - 1.0)
-    k = min(int(place), SPEEDS - 2)
-    largest_nm = available_nm[k] + (place - k) * (available_nm[k + 1] - available_nm[k])
-    largest_nm = min(largest_nm, fraction * available_nm[0])
-    by_torque = 1.0 - abs(torque_nm) / max(largest_nm, _LEAST_NM)
-    nearest = lag_full_steps - 4.0 * math.floor(0.25 * lag_full_steps + 0.5)
-    by_angle = 1.0 - 0.5 * abs(nearest)
-    return max(0.0, min(by_torque, by_angle))

@@ -3,7 +3,7 @@
 A call of the loop passes one argument, and every field has a name. The arrays belong to `Built` and to MuJoCo; a MEMORY
 holds only their addresses.
 
-    Parts of arrays  --- memory_of --->  MEMORY  --- parts_of (compiled) --->  Parts of arrays, by reference
+    Parts of arrays  --- memory_of --->  MEMORY, in C a struct of pointers
 """
 
 from __future__ import annotations
@@ -13,21 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import isel_twin.plant
-from isel_twin.base.compiling import intrinsic, njit
-from isel_twin.drives import shaft
-from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.native import record
-from isel_twin.plant import MOST_SAMPLES, cutting, feed, glide, lead, thread, touch
-from isel_twin.plant.cutting import CUT
-from isel_twin.plant.feed import SUPPLY
-from isel_twin.plant.glide import JOINT
-from isel_twin.plant.lead import LEAD
-from isel_twin.plant.thread import SCREW
-from isel_twin.plant.touch import FEELER, TARGET
+from isel_twin.plant import MOST_SAMPLES
 
 AXES = 3  # with mechanics
 SAMPLES = MOST_SAMPLES  # samples that can wait to be read
+FAR_M = 1e3  # a joint beyond this has run away
+NEVER = np.iinfo(np.int64).max  # sub-step or time that does not come
 
 PLANT = record(
     "PLANT",
@@ -51,7 +43,7 @@ PLANT = record(
         ("edge", "i8"),  # 1: the last call ended because a threshold was passed or left
         ("led_until_ns", "i8"),  # end of the last of all leads
         ("lost_dof", "i8"),  # number of the joint coordinate that ran away, -1: none
-        ("uneven", "i8"),  # 1: a screw is uneven (thread.py)
+        ("uneven", "i8"),  # 1: a screw is uneven (thread.h)
         ("sample_every", "i8"),  # sub-steps from sample to sample, 0: none are taken
         ("sample_at", "i8"),  # sub-step of the next one
         ("sample_ahead_ns", "i8"),  # and how long after its end it is taken: less than a sub-step
@@ -138,8 +130,8 @@ class Parts(NamedTuple):
     commanded: Any  # int64 [m], microsteps, m >= 3
     leads: Any  # LEAD [m]
     available: Any  # [3, s], margin.py
-    joints_law: Any  # JOINT [nv], glide.py
-    mobility: Any  # [nv, nv], glide.py
+    joints_law: Any  # JOINT [nv], glide.h
+    mobility: Any  # [nv, nv], glide.h
     push: Any  # [2, nv], forces on the joints beside `push_n`: now, and a correction of this window's sum
     springs: Any  # [2, 3, nv], acceleration of each carriage by deflection and speed of each joint on its spring
     cut: Any  # CUT [1]
@@ -154,7 +146,7 @@ class Parts(NamedTuple):
     touching: Any  # int64 [p], of each pair of clamped.py: APART, TOUCHING, FRESH
     touched_m: Any  # [p, 3], where X, Y and Z were when MuJoCo last found each pair in contact
     found: Any  # [p], MuJoCo's contacts of each pair at the beginning of its last step
-    samples: Any  # [SAMPLES, w], rows of the loop's `_take`
+    samples: Any  # [SAMPLES, w], rows of `take_sample`
     kept: Any  # int64 [w], axes, states and joints at the end of a window of standstill, bit by bit
     place: Any  # [nv], joint positions at the end of the last call, within a sub-step along their velocities
     qpos: Any  # [nv], this and the rest as MuJoCo names its arrays
@@ -187,62 +179,6 @@ _SIZES = "joints", "number_of_thresholds", "commands", "speeds", "fields", "pair
 MEMORY = record("MEMORY", [(name, "i8") for name in (*Parts._fields, *_SIZES)], _POINTED)
 
 
-@intrinsic
-def array_at(typingctx: Any, address: Any, shape: Any, dtype: Any) -> Any:
-    """numba's carray of an address, in place: carray is compiled for each type and number of dimensions."""
-    from numba import types
-    from numba.np import arrayobj
-
-    array = types.Array(dtype.dtype, len(shape), "C")
-
-    def build(context, builder, signature, arguments):
-        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
-        return arrayobj.np_cfarray(context, builder, array(types.voidptr, shape), (pointer, arguments[1]))
-
-    return array(types.int64, shape, dtype), build
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def parts_of(memory):
-    """The arrays of a MEMORY."""
-    n, at = memory[0].joints, memory[0]
-    return Parts(
-        array_at(at.plant, (1,), PLANT),
-        array_at(at.axes, (AXES,), AXIS),
-        array_at(at.drives, (AXES,), AXIS_PARAMETERS),
-        array_at(at.screws, (AXES,), SCREW),
-        array_at(at.states, (AXES,), AXIS_STATE),
-        array_at(at.thresholds, (at.number_of_thresholds,), THRESHOLD),
-        array_at(at.commanded, (at.commands,), np.int64),
-        array_at(at.leads, (at.commands,), LEAD),
-        array_at(at.available, (AXES, at.speeds), np.float64),
-        array_at(at.joints_law, (n,), JOINT),
-        array_at(at.mobility, (n, n), np.float64),
-        array_at(at.push, (2, n), np.float64),
-        array_at(at.springs, (2, AXES, n), np.float64),
-        array_at(at.cut, (1,), CUT),
-        array_at(at.tip_nuts, (AXES, AXES), np.float64),
-        array_at(at.tip_joints, (AXES, n), np.float64),
-        array_at(at.feeler, (1,), FEELER),
-        array_at(at.targets, (at.number_of_targets,), TARGET),
-        array_at(at.shape, (AXES, n), np.float64),
-        array_at(at.supply, (1,), SUPPLY),
-        array_at(at.before, (n,), np.float64),
-        array_at(at.rates, (n,), np.float64),
-        array_at(at.touching, (at.pairs,), np.int64),
-        array_at(at.touched_m, (at.pairs, AXES), np.float64),
-        array_at(at.found, (at.pairs,), np.float64),
-        array_at(at.samples, (SAMPLES, at.fields), np.float64),
-        array_at(at.kept, (at.words,), np.int64),
-        array_at(at.place, (n,), np.float64),
-        array_at(at.qpos, (n,), np.float64),
-        array_at(at.qvel, (n,), np.float64),
-        array_at(at.qacc, (n,), np.float64),
-        array_at(at.qacc_smooth, (n,), np.float64),
-        array_at(at.qfrc, (n,), np.float64),
-    )
-
-
 def memory_of(parts: Parts) -> NDArray[np.void]:
     """MEMORY [1] of these arrays. Raises TypeError for an array that is not contiguous."""
     memory = np.zeros(1, MEMORY)
@@ -259,8 +195,3 @@ def memory_of(parts: Parts) -> NDArray[np.void]:
     memory["fields"] = parts.samples.shape[1]
     memory["words"] = len(parts.kept)
     return memory
-
-
-_RECORDS = isel_twin.plant, shaft, cutting, feed, glide, lead, thread, touch
-# files whose records compiled code contains that looks into the memory
-CONTAINED = (__file__, *(str(module.__file__) for module in _RECORDS))

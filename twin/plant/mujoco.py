@@ -1,4 +1,4 @@
-"""The MuJoCo plant: motors, screws and a MuJoCo model, advanced by the compiled loop of kernel.py.
+"""The MuJoCo plant: motors, screws and a MuJoCo model, advanced by the compiled loop of kernel.c.
 
 It passes ticks and settings to a built machine (built.py) and reports the carriages as a gauge at the tool would show
 them (model.py). Lost steps are counted at the rotor, not at the carriage.
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.drives.dynamics import OPEN
-from isel_twin.drives.servo import CAUSES, cool
+from isel_twin.drives.servo import CAUSES
 from isel_twin.drives.stage import AnyStage
 from isel_twin.machine import Machine, MachineError
-from isel_twin.plant import PlantError, Threshold, kernel, memory, touch
+from isel_twin.native import address, core
+from isel_twin.plant import PlantError, Threshold, memory, touch
 from isel_twin.plant.altered import Alterations
 from isel_twin.plant.built import build, find_free, rebuild
 from isel_twin.plant.collision import Collision
@@ -78,6 +79,8 @@ class MujocoPlant(LoopSamples):
         self.data = built.data
         self.parts = built.parts
         self._memory = built.memory
+        self._loop, self._loop_alone = core.raw("advance"), core.raw("advance_alone")
+        self._at = address(built.memory)
         self.time_ns = 0
         self.edge = False
         self._altered = Alterations(built)
@@ -165,19 +168,25 @@ class MujocoPlant(LoopSamples):
         """Raises PlantError if a joint runs away."""
         words = self._words
         early_ns, changes, early_lead_ns = self._late
-        if len(t_ns):  # one compiled kernel for all kinds of ticks
-            changes = delta.astype(np.int32)
+        if len(t_ns):
+            t_ns, changes = self._laid(t_ns, delta)
             if len(early_ns):
                 t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
         else:
             t_ns = early_ns
-        made = kernel.advance(self._memory, until_ns, t_ns, changes, early_lead_ns, lead_ns)
+        made = 0
+        if len(t_ns):
+            ticks = address(t_ns), len(t_ns), address(changes), changes.shape[1]
+            leads = address(early_lead_ns), len(early_lead_ns), int(lead_ns)
+            made = self._loop(self._at, int(until_ns), *ticks, *leads)
+        else:
+            self._loop_alone(self._at, int(until_ns))
         self.time_ns = words.item(_NOW) * self._substep_ns
         self.edge = words.item(_EDGE) != 0
         if words.item(_LOST_DOF) >= 0:
             joint = self.model.joint(int(self.model.dof_jntid[words.item(_LOST_DOF)])).name
             raise PlantError(
-                f"axis {joint}: runs away at {self.time_ns / 1e9:.6f} s, beyond {kernel.FAR_M:g} m or any number; "
+                f"axis {joint}: runs away at {self.time_ns / 1e9:.6f} s, beyond {memory.FAR_M:g} m or any number; "
                 f"look for an enormous force, or shorten the steps in [timing] of {self.machine.file}"
             )
         if self.edge:
@@ -195,6 +204,15 @@ class MujocoPlant(LoopSamples):
                 leads_ns = np.append(early_lead_ns, np.full(len(t_ns) - len(early_lead_ns), lead_ns, dtype=np.int64))
             self._late = t_ns[made:], changes[made:], leads_ns[made:]
         return until_ns
+
+    def _laid(self, t_ns: NDArray[np.int64], delta: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Ticks as the loop takes them. Raises ValueError for arrays that do not fit."""
+        most = len(self.parts.commanded)
+        if t_ns.ndim != 1 or delta.ndim != 2 or len(delta) != len(t_ns) or delta.shape[1] > most:
+            raise ValueError(
+                f"ticks: times {t_ns.shape} and changes {delta.shape} do not fit; allowed: [n] and [n, 1 .. {most}]"
+            )
+        return np.ascontiguousarray(t_ns, np.int64), delta.astype(np.int32, order="C")
 
     def finds_arrival(self, period_ns: int) -> bool:
         return self._count >= memory.AXES and bool(self.built.closed.all()) and period_ns % self._substep_ns == 0
@@ -254,7 +272,7 @@ class MujocoPlant(LoopSamples):
         self._pushes.share()
 
     def set_cut(self, cut: Cut | None) -> None:
-        kernel.wake(self._memory)
+        core.wake(self._memory)
         share_tip(self.built)
         now, substep_s, holder = int(self.parts.plant["now"][0]), self._substep_ns * 1e-9, self.built.machine.holder
         stiffness_n_per_m = math.inf if holder is None else holder.stiffness_n_per_m
@@ -377,7 +395,8 @@ class MujocoPlant(LoopSamples):
             plant = self.parts.plant[0]
             since = int(plant["now"] - plant["frozen_at"]) if plant["frozen"] else 0
             for i in np.flatnonzero(self.built.closed):
-                fraction[i] = math.sqrt(cool(self.parts.drives[i], self.parts.states[i], since))
+                drive, state = self.parts.drives[i : i + 1], self.parts.states[i : i + 1]
+                fraction[i] = math.sqrt(core.cooled(drive, state, since))
         return np.where(self._live, fraction, 0.0)
 
     @property
@@ -404,7 +423,7 @@ class MujocoPlant(LoopSamples):
         return taken
 
     def watch_margin(self) -> None:
-        kernel.look(self._memory)
+        core.look(self._memory)
         self.sample_again()
 
     def _all(self, carriages: Sequence[Any] | NDArray[Any], others: Any) -> NDArray[Any]:
@@ -415,7 +434,7 @@ class MujocoPlant(LoopSamples):
 
     @property
     def memory(self) -> NDArray[np.void]:
-        """MEMORY [1], for compiled code that calls `kernel.advance` itself and keeps the plant alive. `time_ns`, `edge`
+        """MEMORY [1], for compiled code that calls `advance` itself and keeps the plant alive. `time_ns`, `edge`
         and what follows from them are then not updated: advance such a plant only in that way."""
         return self._memory
 

@@ -1,8 +1,7 @@
-"""`mj_step` for compiled code: called by its address, an integer, so that the code can be cached.
+"""`mj_step` for the compiled core: called by its address, so that the core needs nothing of MuJoCo to be built.
 
 mj_step_address() -> int                     of the library that the mujoco package has loaded
 time_step_address(model) -> int              of the number in an mjModel
-call_mj_step(address, model, data)           in compiled code; model, data: addresses of mjModel and mjData
 """
 
 from __future__ import annotations
@@ -13,23 +12,7 @@ from pathlib import Path
 
 import mujoco
 
-from isel_twin.base.compiling import intrinsic
-
 _LIBRARIES = ("libmujoco.so*", "libmujoco*.dylib", "mujoco*.dll")  # on Linux, macOS and Windows
-
-
-@intrinsic
-def call_mj_step(typingctx, address, model, data):
-    from llvmlite import ir
-    from numba import types
-
-    def build(context, builder, signature, arguments):
-        word = ir.IntType(64)
-        function = ir.FunctionType(ir.VoidType(), [word, word])
-        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.int64), build
 
 
 def library(folder: Path) -> Path:

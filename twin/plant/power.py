@@ -6,7 +6,8 @@ import numpy as np
 
 from isel_twin.drives.dynamics import BOTH, OPEN
 from isel_twin.drives.servo import forget
-from isel_twin.plant import kernel, memory
+from isel_twin.native import core
+from isel_twin.plant import memory
 from isel_twin.plant.built import Built, find_available
 
 _PHASES = {"": BOTH, "a": BOTH & ~1, "b": BOTH & ~2, "ab": OPEN}  # remaining phases, by the interrupted ones
@@ -32,7 +33,7 @@ class Power:
         if switched == self.switched:
             return
         built, parts = self._built, self._built.parts
-        kernel.wake(built.memory)
+        core.wake(built.memory)
         if stages and not self.stages:
             parts.axes["still_since"] = parts.plant["now"]
             parts.axes["fraction"] = 1.0
@@ -45,20 +46,20 @@ class Power:
         self._set_phases()
 
     def reset_drives(self) -> None:
-        kernel.wake(self._built.memory)
+        core.wake(self._built.memory)
         self._forget_faults()
 
     def set_phase_lost(self, axis: int, phases: str) -> None:
         """Raises ValueError for anything but "a", "b", "ab" and ""."""
         if phases not in _PHASES:
             raise ValueError(f"unknown motor phases {phases!r}; there are: a, b, ab")
-        kernel.wake(self._built.memory)
+        core.wake(self._built.memory)
         self.lost[axis] = phases
         self._set_phases()
 
     def set_undervoltage(self, missing: float) -> None:
         parts = self._built.parts
-        kernel.wake(self._built.memory)
+        core.wake(self._built.memory)
         left, supply, drives = 1.0 - missing, parts.supply, parts.drives
         stages = [axis.stage for axis in self._built.machine.axes]
         if supply["on"][0]:
@@ -71,7 +72,7 @@ class Power:
 
     def _forget_faults(self) -> None:
         for i in np.flatnonzero(self._built.closed):
-            forget(self._built.parts.states[i])
+            forget(self._built.parts.states[i : i + 1])
 
     def _set_phases(self) -> None:
         lost = ["" if closed else lost for lost, closed in zip(self.lost, self._built.closed, strict=True)]

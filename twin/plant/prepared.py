@@ -40,8 +40,8 @@ class Built:
     dof: NDArray[np.int64]  # [3], index of the joint of X, Y and Z in qpos and qvel
     shape_mm: NDArray[np.float64]  # [3, nv], mm of tool over table by a metre of each joint
     frame: Frame
-    room: NDArray[np.uint8]  # where all parts but samples and MuJoCo's are
-    begun: NDArray[np.uint8]  # what of the room is the same wherever the machine stands at power-on
+    room: list[NDArray[np.uint8]]  # all parts but samples and MuJoCo's, each in memory of its own
+    begun: list[NDArray[np.uint8]]  # what of the room is the same wherever the machine stands at power-on
     closed: NDArray[np.bool_]  # [3], which axes have servo drives
     coulomb_nm: NDArray[np.float64]  # [3], dry friction of each shaft with its brake released
     brake_nm: NDArray[np.float64]  # [3], what the brake adds when it holds (plant/9)

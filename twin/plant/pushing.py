@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.plant import PLACES, kernel, memory
+from isel_twin.native import core
+from isel_twin.plant import PLACES, memory
 from isel_twin.plant.prepared import Built
 
 
@@ -26,7 +27,7 @@ class Pushes:
             raise ValueError(f"force on axis {CARRIAGES[axis]}: {force_n!r} N is not a finite number")
         if place and place not in PLACES:
             raise ValueError(f"a force cannot act at {place!r}; there are: {', '.join(PLACES)}")
-        kernel.wake(self._built.memory)
+        core.wake(self._built.memory)
         reach = self._built.frame.reach
         if not place:
             place = "tool" if reach["tool"][axis, self._built.dof[axis]] else "table"

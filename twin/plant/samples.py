@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.plant import Samples, kernel, memory
+from isel_twin.plant import Samples, memory
 from isel_twin.plant.guides import along_guides_mm
 from isel_twin.plant.prepared import Built
 
@@ -33,7 +33,7 @@ class LoopSamples:
     def sample_every(self, interval_ns: int, from_ns: int = 0) -> None:
         if interval_ns == 0:
             self._plant["sample_every"] = self._plant["sample_ahead_ns"] = self._plant["sampled"] = 0
-            self._plant["sample_at"] = kernel.NEVER
+            self._plant["sample_at"] = memory.NEVER
             return
         if not self.fits(interval_ns):
             raise ValueError(f"samples every {interval_ns} ns; allowed: multiples of {self._substep_ns} ns")
@@ -94,7 +94,7 @@ class LoopSamples:
     def _aim(self, phase: int) -> None:
         """Set the next sample to the first of the grid after now; phase: a sub-step of the grid."""
         now, every = int(self._plant["now"][0]), int(self._plant["sample_every"][0])
-        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else kernel.NEVER
+        self._plant["sample_at"] = now + 1 + (phase - now - 1) % every if every else memory.NEVER
 
 
 def _each(matrix: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:

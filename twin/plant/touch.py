@@ -1,17 +1,9 @@
 """What gives way where it is touched: a touch probe in the spindle, or a plate for tool lengths on the table.
 
-Goal: the contact changes at the sub-step in which the deflection says so, from whatever side it was touched.
-
-    d        distance of the ball (of the cutter's end, over a plate) from the nearest target, < 0: deflected by -d
-    n        where that distance grows fastest: the way in which the tool is pushed
-
-    deflection u = -d          contact changes at u > pretravel + lobing cos 3 phi, back below that less the hysteresis
-    force      F = f u / pretravel,  beyond it  f + rate (u - pretravel)        f = |(force nx, force ny, force_z nz)|
-    u > overtravel             it breaks: a collision; the contact stays closed, and nothing pushes any more
-
-phi: of n, about the vertical. Distances are exact (closed forms): of a ball from boxes, cylinders, rings and the
-table's surface. A stylus weighs a few grams, so its spring pushes on the tool as it stands, and back on the table; the
-forces go to MuJoCo's joints like those of a cut. The shapes are MuJoCo's, too: they are seen, and the stem collides.
+Goal: the contact changes at the sub-step in which the deflection says so, from whatever side it was touched. Law and
+distances are in touch.h. A stylus weighs a few grams, so its spring pushes on the tool as it stands, and back on the
+table; the forces go to MuJoCo's joints like those of a cut. The shapes are MuJoCo's, too: they are seen, and the stem
+collides.
 
 On the kinematic plant the same without forces: `Felt` searches the path.
 """
@@ -24,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.machine import Machine, Probe
 from isel_twin.machine.fixture import CUTTER, Fixture
-from isel_twin.native import record
+from isel_twin.native import core, record
 from isel_twin.plant.collision import Collision
 
 FEELER = record(
@@ -66,99 +57,8 @@ TARGET = record(
         ("sine", "f8"),
     ],
 )
-FAR_M = 1.0
 NEWS = 2  # of `broken`
 EXACT_MM = 1e-6  # to which a place between two others is found
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def distance(target, x_m, y_m, z_m):
-    """Distance of a point from a target, and its gradient in x, y, z. Inside it is negative."""
-    dx, dy, dz = x_m - target.x_m, y_m - target.y_m, z_m - target.z_m
-    if target.kind == PLANE:
-        return -dz, 0.0, 0.0, -1.0
-    up = abs(dz) - target.c_m
-    up_z = math.copysign(1.0, dz)
-    if target.kind == BOX:
-        u = target.cosine * dx + target.sine * dy
-        v = target.cosine * dy - target.sine * dx
-        au, av = abs(u) - target.a_m, abs(v) - target.b_m
-        if au > 0.0 and av > 0.0:
-            side = math.hypot(au, av)
-            nu, nv = au / side, av / side
-        elif au > av:
-            side, nu, nv = au, 1.0, 0.0
-        else:
-            side, nu, nv = av, 0.0, 1.0
-        nu, nv = math.copysign(nu, u), math.copysign(nv, v)
-        nx, ny = target.cosine * nu - target.sine * nv, target.sine * nu + target.cosine * nv
-    else:
-        rho = math.hypot(dx, dy)
-        side = rho - target.a_m
-        outwards = 1.0
-        if target.kind == RING and target.b_m - rho > side:
-            side = target.b_m - rho
-            outwards = -1.0
-        nx, ny = (outwards * dx / rho, outwards * dy / rho) if rho > 0.0 else (outwards, 0.0)
-    if side > 0.0 and up > 0.0:
-        far = math.hypot(side, up)
-        return far, nx * side / far, ny * side / far, up_z * up / far
-    if side > up:
-        return side, nx, ny, 0.0
-    return up, 0.0, 0.0, up_z
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def feel(feeler, targets, x_m, y_m, z_m):
-    """Set deflection and push of a feeler with the tool's point at this place."""
-    feeler.push_n[0] = 0.0
-    feeler.push_n[1] = 0.0
-    feeler.push_n[2] = 0.0
-    if feeler.broken:
-        return
-    least_m, nx, ny, nz, at = FAR_M, 0.0, 0.0, 0.0, 0
-    for k in range(targets.shape[0]):
-        d_m, kx, ky, kz = distance(targets[k], x_m, y_m, z_m + feeler.below_m)
-        if d_m < least_m:
-            least_m, nx, ny, nz, at = d_m, kx, ky, kz, k
-    deflection_m = feeler.radius_m - least_m
-    feeler.at = at
-    feeler.deflected_m = deflection_m
-    if deflection_m <= 0.0:
-        return
-    across = math.hypot(nx, ny)
-    if across > 0.0:
-        cosine = nx / across
-        feeler.deflected_m -= feeler.lobing_m * across * cosine * (4.0 * cosine * cosine - 3.0)
-    if deflection_m > feeler.over_m:
-        feeler.broken = NEWS
-        feeler.deflected_m = FAR_M
-        return
-    force_n = math.hypot(feeler.force_n * across, feeler.force_z_n * nz)
-    if deflection_m < feeler.pretravel_m:
-        force_n *= deflection_m / feeler.pretravel_m
-    else:
-        force_n += feeler.rate_n_per_m * (deflection_m - feeler.pretravel_m)
-    feeler.push_n[0] = force_n * nx
-    feeler.push_n[1] = force_n * ny
-    feeler.push_n[2] = force_n * nz
-
-
-@njit(nogil=True, error_model="numpy")
-def _first(feeler, targets, path_mm, threshold_m, touched):
-    """The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none. The feeler is then
-    as it is there. Places nearer to one that was looked at than the targets were are not looked at."""
-    x_mm, y_mm, z_mm, free_mm = 0.0, 0.0, 0.0, 0.0
-    for k in range(path_mm.shape[0]):
-        dx, dy, dz = path_mm[k, 0] - x_mm, path_mm[k, 1] - y_mm, path_mm[k, 2] - z_mm
-        if not touched and dx * dx + dy * dy + dz * dz < free_mm * free_mm:
-            continue
-        x_mm, y_mm, z_mm = path_mm[k, 0], path_mm[k, 1], path_mm[k, 2]
-        feel(feeler, targets, 1e-3 * x_mm, 1e-3 * y_mm, 1e-3 * z_mm)
-        free_mm = max(0.0, -1e3 * feeler.deflected_m)
-        if feeler.broken == NEWS or (feeler.deflected_m > threshold_m) != touched:
-            return k
-    return path_mm.shape[0]
 
 
 def feelers(machine: Machine) -> NDArray[np.void]:
@@ -247,4 +147,5 @@ class Felt:
         return 1e-3 * (self.limit_mm - (self._hysteresis_mm if self.touched else 0.0))
 
     def _first(self, record: NDArray[np.void], path_mm: NDArray[np.float64]) -> Any:
-        return _first(record[0], self._targets, path_mm, self._threshold_m, self.touched)
+        path_mm = np.ascontiguousarray(path_mm, np.float64)
+        return core.first_felt(record, self._targets, path_mm, self._threshold_m, self.touched)

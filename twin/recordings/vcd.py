@@ -45,9 +45,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isel_twin.base.axes import AXIS_NAMES, CARRIAGES
-from isel_twin.base.compiling import njit
 from isel_twin.base.files import replacing
 from isel_twin.motion import Steps
+from isel_twin.native import core
 from isel_twin.recordings.recorder import Change, Samples
 
 PULSE_NS = 5000  # longest high time of a step pulse
@@ -176,32 +176,10 @@ def _write(
         ends = np.cumsum([0, *map(len, pool)])
         which = np.concatenate([codes, len(lines) + np.arange(len(texts))])[order]
         room = int(np.diff(ends)[which].sum()) + _TIME_BYTES * int(new.sum())
-        laid = _lay(all_ns, new, which, np.frombuffer(b"".join(pool), np.uint8), ends, np.empty(room, np.uint8))
-        file.write(laid.tobytes().decode("ascii"))
+        out = np.empty(room, np.uint8)
+        laid = core.lay_lines(all_ns, new.view(np.uint8), which, np.frombuffer(b"".join(pool), np.uint8), ends, out)
+        file.write(out[:laid].tobytes().decode("ascii"))
         written_ns = int(all_ns[-1]) if len(all_ns) else written_ns
-
-
-@njit(nogil=True)
-def _lay(times_ns, new, which, pool, ends, out):
-    """Lay the lines of a dump into out, and return what they fill: text which[i] of the pool, after a line with its
-    time if that is new. ends [n + 1]: where each text of the pool begins, and the last one ends."""
-    at = 0
-    for i in range(times_ns.size):
-        if new[i]:
-            out[at] = 35  # "#"
-            rest, digits = times_ns[i] // 10, 1
-            while rest:
-                rest, digits = rest // 10, digits + 1
-            rest = times_ns[i]
-            for k in range(digits):
-                rest, digit = rest // 10, rest % 10
-                out[at + digits - k] = 48 + digit
-            at += digits + 2
-            out[at - 1] = 10
-        for k in range(ends[which[i]], ends[which[i] + 1]):
-            out[at] = pool[k]
-            at += 1
-    return out[:at]
 
 
 def _doubled(steps: Steps) -> bool:
@@ -218,53 +196,17 @@ def _edge_names(axes: int) -> list[str]:
 def _pulses(steps: Steps, doubled: bool) -> Iterator[_Edges]:
     """Rising and falling edges of step, with the direction before them and, if `doubled`, the steps of a pulse."""
     axes = steps.axes
-    minus, full, high = (np.zeros(axes, dtype=np.bool_) for _ in range(3))  # as the tick before left them
+    minus, full, high = (np.zeros(axes, dtype=np.uint8) for _ in range(3))  # as the tick before left them
     rose_ns = 0
     for t_ns, delta in _windows(steps):
         most = len(t_ns) * axes * 4
         edges = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-        made = _edges(t_ns, delta, rose_ns, minus, full, high, doubled, *edges)
+        made = core.lay_edges(t_ns, np.ascontiguousarray(delta, np.int32), rose_ns, minus, full, high, doubled, *edges)
         yield edges[0][:made], edges[1][:made]
         rose_ns = int(t_ns[-1])
     falling = 2 * np.flatnonzero(high)
     if len(falling):
         yield np.full(len(falling), rose_ns + PULSE_NS), falling
-
-
-@njit(nogil=True)
-def _edges(t_ns, delta, rose_ns, minus, full, high, doubled, edge_ns, codes):
-    """Lay the edges of ticks into edge_ns and codes [n], and return their number. rose_ns, minus, full, high: time of
-    the tick before, and what it left of each axis; the latter three are left as the last tick leaves them."""
-    n, axes = 0, delta.shape[1]
-    for k in range(t_ns.size):
-        room = t_ns[k] - rose_ns >= 2
-        middle_ns = (rose_ns + t_ns[k]) // 2 if room else t_ns[k]
-        for i in range(axes):
-            new = delta[k, i] != 0
-            if high[i] and not room and (new or t_ns[k] == rose_ns):
-                continue
-            if high[i]:
-                edge_ns[n], codes[n] = min(rose_ns + PULSE_NS, middle_ns), 2 * i
-                n += 1
-            high[i] = False
-        set_ns = max(t_ns[k] - SETUP_NS, middle_ns)
-        for i in range(axes):
-            if delta[k, i] != 0 and (delta[k, i] < 0) != minus[i]:
-                minus[i] = delta[k, i] < 0
-                edge_ns[n], codes[n] = set_ns, 2 * (axes + i) + minus[i]
-                n += 1
-        for i in range(axes):
-            if doubled and delta[k, i] != 0 and (abs(delta[k, i]) > 1) != full[i]:
-                full[i] = abs(delta[k, i]) > 1
-                edge_ns[n], codes[n] = set_ns, 2 * (2 * axes + i) + full[i]
-                n += 1
-        for i in range(axes):
-            if delta[k, i] != 0 and not high[i]:
-                edge_ns[n], codes[n] = t_ns[k], 2 * i + 1
-                high[i] = True
-                n += 1
-        rose_ns = t_ns[k]
-    return n
 
 
 def _windows(steps: Steps) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
