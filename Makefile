@@ -18,6 +18,10 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	@touch $@
 
+.PHONY: core
+core: $(READY)       ## compile the C of the checkout and show what the compiler says; else the next use does it in silence
+	$(BIN)/python twin/native/compiling.py
+
 demo: $(READY)       ## a host program drives the twin through a pseudo-terminal
 	@$(BIN)/python -m isel_twin.bridge.demo
 
@@ -58,7 +62,8 @@ USER := build/user
 .PHONY: sbom audit
 $(RELEASE)/.ready:
 	$(PYTHON) -m venv $(RELEASE)
-	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build twine cyclonedx-bom
+	$(RELEASE)/bin/python -m pip install --quiet --disable-pip-version-check build twine cyclonedx-bom \
+	  "setuptools>=77.0.1" "ziglang>=0.13,<0.18"
 	@touch $@
 
 $(USER)/.ready: pyproject.toml
@@ -74,7 +79,7 @@ audit: $(READY)      ## what an installation brings against the public database 
 	@$(BIN)/python -m tests.audit
 
 .PHONY: package
-package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and the wheel tried in an environment of its own
+package: $(RELEASE)/.ready ## source archive and this machine's wheel in dist/, checked, and the wheel tried in an environment of its own
 	rm -rf dist build/lib build/clean build/shop
 	$(RELEASE)/bin/python -m tests.release here
 	$(RELEASE)/bin/twine check --strict dist/*
@@ -83,6 +88,11 @@ package: $(RELEASE)/.ready ## wheel and source archive in dist/, checked, and th
 	build/clean/bin/isel-twin doctor
 	build/clean/bin/isel-twin init build/shop
 	cd build/shop && ../clean/bin/isel-twin check jobs/*
+
+.PHONY: wheels
+wheels: $(RELEASE)/.ready ## source archive in dist/, and a wheel for each machine that there is one for
+	$(RELEASE)/bin/python -m tests.release everywhere
+	$(RELEASE)/bin/twine check --strict dist/*
 
 .PHONY: release
 REPOSITORY ?=

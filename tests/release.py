@@ -1,13 +1,14 @@
-"""`make release REPOSITORY=https://HOST/OWNER/NAME`: source archive and wheel of a commit, the same bytes each time.
+"""`make release REPOSITORY=https://HOST/OWNER/NAME`: source archive and wheels of a commit, the same bytes each time.
 
     commit --- git archive ---> tree --- addresses ---> pyproject.toml, README.md --- build ---> dist/*.tar.gz
-    source archive --- lower, with each Python of 3.11 to 3.14 that is found ---> lowered code --- build ---> dist/*.whl
+    source archive --- ziglang, for each machine of wheels/backend.py ---> core --- build ---> dist/*.whl
 
 Where the repository lies is known to whoever releases, and to nobody else (core/11): it becomes the `urls` of the
 package, and relative links of README.md become absolute ones into the tree of the version's tag, as a package index
-needs them. All times are those of the commit (SOURCE_DATE_EPOCH). Both files are built twice, and must be equal.
+needs them. All times are those of the commit (SOURCE_DATE_EPOCH). All files are built twice, and must be equal.
 
-`make package` builds what lies in the folder, once, without addresses.
+`make package` builds what lies in the folder for this machine (`here`), `make wheels` for all (`everywhere`), once and
+without addresses.
 """
 
 from __future__ import annotations
@@ -18,16 +19,27 @@ import hashlib
 import io
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 import tarfile
+import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
-from tests.versions import interpreters
-
 ROOT = Path(__file__).parents[1]
+TARGETS: dict[str, str] = runpy.run_path(str(ROOT / "twin/native/compiling.py"))["TARGETS"]  # needs no installation
+
 ADDRESS = re.compile(r"https://[a-z0-9.-]+(?::\d+)?/[\w.-]+/[\w.-]+")
+LIBRARY = re.compile(r"\.(?:so|dylib|dll)$")
+KINDS = {  # what the library of a wheel begins with, by its tag
+    r".*linux.*_x86_64": rb"\x7fELF\x02\x01.{10}\x03\x00\x3e\x00",
+    r".*linux.*_aarch64": rb"\x7fELF\x02\x01.{10}\x03\x00\xb7\x00",
+    r"macosx_.*_x86_64": rb"\xcf\xfa\xed\xfe\x07\x00\x00\x01",
+    r"macosx_.*_arm64": rb"\xcf\xfa\xed\xfe\x0c\x00\x00\x01",
+    r"win_amd64": rb"MZ.*?PE\x00\x00\x64\x86",
+}
 LINK = re.compile(r"(!?\[[^\]]*\])\((?![a-z]+:|#)([^)\s]+)\)")
 
 
@@ -69,42 +81,45 @@ def same_bytes(archive: Path, epoch: int) -> None:
         packed.write(plain.getvalue())
 
 
-def lower(source: Path) -> None:
-    """Put lowered code (twin/base/lowered.py) into a source tree, for each Python that is found.
-
-    Each has an environment in build/, whose place is in that code as the file of errors that numba can raise.
-    """
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    for name, python in ((f"python3.{sys.version_info.minor}", Path(sys.executable)), *interpreters()):
-        folder, kept = ROOT / "build" / f"lower-{name}", ROOT / "build" / f"lower-{name}-compiled"
-        own = folder / "bin" / "python"
-        shutil.rmtree(kept, ignore_errors=True)
-        for command in (
-            (python, "-m", "venv", "--clear", folder),
-            (own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", source),
-            (own, "-m", "isel_twin.core.lower", source.resolve() / "twin" / "lowered"),
-        ):
-            print(name, *command[1:], flush=True)
-            variables = {**environment, "NUMBA_CACHE_DIR": str(kept), "PYTHONHASHSEED": "0"}
-            subprocess.run(command, check=True, env=variables, cwd=ROOT / "build")
-    shutil.rmtree(source / "build", ignore_errors=True)
-
-
-def build(tree: Path, out: Path, epoch: int) -> dict[str, str]:
-    """Build the files of a source tree; SHA-256 by name. The wheel is built of the source archive and lowered code."""
+def build(tree: Path, out: Path, epoch: int, targets: Iterable[str]) -> dict[str, str]:
+    """Build the files of a source tree; SHA-256 by name. Each wheel is built of the source archive."""
     environment = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch), "PYTHONHASHSEED": "0"}
-    call = [sys.executable, "-m", "build", "--outdir", str(out)]
+    call = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out)]
     subprocess.run([*call, "--sdist", str(tree)], check=True, env=environment, stdout=subprocess.DEVNULL)
     (archive,) = out.glob("*.tar.gz")
     same_bytes(archive, epoch)
-    unpacked = out / "unpacked"
-    with tarfile.open(archive) as file:
-        file.extractall(unpacked, filter="data")
-    (source,) = unpacked.iterdir()
-    lower(source)
-    subprocess.run([*call, "--wheel", str(source)], check=True, env=environment, stdout=subprocess.DEVNULL)
-    shutil.rmtree(unpacked)
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.iterdir())}
+    for target in targets:
+        unpacked = out / "unpacked"
+        with tarfile.open(archive) as file:
+            file.extractall(unpacked, filter="data")
+        (source,) = unpacked.iterdir()
+        print("building for", target or "this machine", flush=True)
+        settings = [f"-Ctarget={target}"] if target else []
+        subprocess.run(
+            [*call, "--wheel", *settings, str(source)], check=True, env=environment, stdout=subprocess.DEVNULL
+        )
+        shutil.rmtree(unpacked)
+    found = sorted(out.iterdir())
+    for path in found:
+        look(path)
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+
+
+def look(path: Path) -> None:
+    """Raise AssertionError unless a source archive has C and no library, and a wheel one library of its platform."""
+    if path.suffix != ".whl":
+        with tarfile.open(path) as file:
+            names = file.getnames()
+        assert not [name for name in names if LIBRARY.search(name)], f"{path.name}: has a library in it"
+        assert [name for name in names if name.endswith("twin/native/core.c")], f"{path.name}: has no core.c"
+        return
+    with zipfile.ZipFile(path) as wheel:
+        libraries = [name for name in wheel.namelist() if LIBRARY.search(name)]
+        assert len(libraries) == 1, f"{path.name}: has {libraries or 'no library'}"
+        head = wheel.read(libraries[0])
+    tag = path.stem.rpartition("-")[2]
+    begins = {begin for word, begin in KINDS.items() if re.fullmatch(word, tag)}
+    assert [begin for begin in begins if re.match(begin, head, re.DOTALL)], f"{path.name}: its library is not for {tag}"
 
 
 def git(*words: str) -> bytes:
@@ -126,14 +141,15 @@ def prepared(tree: Path, repository: str, commit: str) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="release", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("repository", help="address of the repository: https://HOST/OWNER/NAME; 'here': none, once")
+    parser.add_argument("repository", help="its address: https://HOST/OWNER/NAME; or here, everywhere")
     parser.add_argument("--commit", default="HEAD", help="what is released")
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for both files; emptied before")
     call = parser.parse_args()
     repository = call.repository.rstrip("/")
-    if repository == "here":
+    if repository in ("here", "everywhere"):
         shutil.rmtree(call.out, ignore_errors=True)
-        build(ROOT, call.out, int(git("show", "-s", "--format=%ct", call.commit)))
+        epoch = int(git("show", "-s", "--format=%ct", call.commit))
+        build(ROOT, call.out, epoch, [""] if repository == "here" else TARGETS)
         return 0
     if not ADDRESS.fullmatch(repository):
         print(f"release: {call.repository!r} is no address https://HOST/OWNER/NAME; where does the repository lie?")
@@ -144,7 +160,7 @@ def main() -> int:
     for out in (work / "first", work / "second"):
         shutil.rmtree(out, ignore_errors=True)
         prepared(out / "tree", repository, call.commit)
-        found.append(build(out / "tree", out / "dist", epoch))
+        found.append(build(out / "tree", out / "dist", epoch, TARGETS))
     if found[0] != found[1]:
         print(f"release: two builds differ: {found[0]}, {found[1]}")
         return 1

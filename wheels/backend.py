@@ -1,7 +1,7 @@
 """The package's build backend: setuptools, and the compiled core for one platform put into the wheel.
 
     pip wheel .                                        for this machine, by its compiler
-    pip wheel . -C target=aarch64-linux-gnu.2.17       for another one of TARGETS, by ziglang
+    pip wheel . -C target=aarch64-linux-gnu.2.17       for another one of compiling.TARGETS, by ziglang
 
 ziglang is fetched only where it is needed: for another machine, or where no compiler works.
 """
@@ -18,6 +18,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import compiling
+from compiling import TARGETS
 from setuptools import build_meta
 from setuptools.build_meta import (
     build_sdist,
@@ -27,7 +28,6 @@ from setuptools.build_meta import (
 )
 
 __all__ = [
-    "TARGETS",
     "build_editable",
     "build_sdist",
     "build_wheel",
@@ -39,14 +39,6 @@ __all__ = [
 ]
 
 COMPILER = "ziglang>=0.13,<0.18"
-TARGETS = {  # as ziglang names them: the tag of a wheel
-    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
-    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
-    "x86_64-macos.11.0": "macosx_11_0_x86_64",
-    "aarch64-macos.11.0": "macosx_11_0_arm64",
-    "x86_64-windows-gnu": "win_amd64",
-}
-
 Settings = dict[str, str] | None
 
 

@@ -14,7 +14,6 @@ from pytest_plugin.projects import ALONE
 from isel_twin import native
 from isel_twin.controller import controller_names, offers
 from isel_twin.language import HasExample, create_language
-from isel_twin.native import compiling
 from tests.in_process import isel_twin
 from tests.near import NEAR
 
@@ -103,8 +102,7 @@ def test_the_doctor_finds_nothing_wrong_here() -> None:
 
 
 def test_the_doctor_names_what_is_wrong_and_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "HERE", tmp_path)  # an installation whose library is gone
-    monkeypatch.setattr(native, "core", native.Core())
+    monkeypatch.setattr(native, "core", native.Core(tmp_path / "core.c"))  # an installation whose library is gone
     done = isel_twin("doctor")
     assert done.returncode == 1
     assert "wrong    compiled core" in done.stdout

@@ -37,15 +37,14 @@ SMALL = np.dtype([("a", np.int64), ("b", np.float64)])
 
 @pytest.fixture
 def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of C sources, from which `compiling` builds for the time of a test."""
+    """The folder of its C sources, of which core.c includes all others."""
     shutil.copy(compiling.HERE / "core.h", tmp_path)
     (tmp_path / "core.c").write_text(CORE_C)
     (tmp_path / "sums.c").write_text(SUMS_C)
-    monkeypatch.setattr(compiling, "HERE", tmp_path)
     monkeypatch.setitem(library.RECORDS, "SMALL", SMALL)
     return tmp_path
 
 
 @pytest.fixture
 def small(sources: Path) -> Core:
-    return Core()
+    return Core(sources / "core.c")

@@ -19,32 +19,36 @@ from isel_twin.native import Core, CoreError, compiling
 __all__ = ["small", "sources"]
 
 
-def wrong() -> str:
+def library(sources: Path) -> Path:
+    return compiling.library(sources / "core.c")
+
+
+def wrong(sources: Path) -> str:
     with pytest.raises(CoreError) as caught:
-        Core().load()
+        Core(sources / "core.c").load()
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 def test_it_is_built_once_and_again_when_any_source_has_changed(sources: Path) -> None:
-    path = compiling.library()
+    path = library(sources)
     built = path.stat().st_mtime_ns
-    assert compiling.library().stat().st_mtime_ns == built
+    assert library(sources).stat().st_mtime_ns == built
     (sources / "sums.c").write_text(SUMS_C + "API double half(double x) { return 0.5 * x; }\n")
-    assert Core().half(3.0) == 1.5
+    assert Core(sources / "core.c").half(3.0) == 1.5
     assert path.stat().st_mtime_ns > built
 
 
 def test_nothing_is_left_beside_it(sources: Path) -> None:
-    compiling.library()
+    library(sources)
     names = {"core.c", "core.h", "sums.c", f"core{compiling.suffix()}"}
     assert {path.name for path in sources.iterdir()} == names
 
 
 def test_c_that_is_wrong_is_told_by_file_and_line(sources: Path) -> None:
-    compiling.library()
+    library(sources)
     (sources / "sums.c").write_text("API double half(double x) {\n    return x +;\n}\n")
-    said = wrong()
+    said = wrong(sources)
     assert "sums.c:2:" in said
     assert "`python -m isel_twin.native.compiling`" in said
 
@@ -54,12 +58,12 @@ def test_without_a_compiler_one_is_named(sources: Path, monkeypatch: pytest.Monk
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(compiling, "find_spec", lambda _: None)
     assert not compiling.usable()
-    assert "`pip install ziglang`" in wrong()
+    assert "`pip install ziglang`" in wrong(sources)
 
 
 def test_a_compiler_that_is_not_there(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "nowhere-cc -O1")
-    assert wrong().startswith("nowhere-cc: No such file or directory;")
+    assert wrong(sources).startswith("nowhere-cc: No such file or directory;")
 
 
 def test_a_compiler_that_cannot_is_passed_over(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +75,7 @@ def test_a_compiler_that_cannot_is_passed_over(sources: Path, monkeypatch: pytes
     for found, usable in ([[str(broken)]], False), ([[str(broken)], works], True):
         monkeypatch.setattr(compiling, "compilers", lambda found=found: found)
         assert compiling.usable() is usable
-    assert compiling.library().exists()
+    assert library(sources).exists()
 
 
 def test_a_folder_that_cannot_be_written_to(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,31 +83,29 @@ def test_a_folder_that_cannot_be_written_to(sources: Path, monkeypatch: pytest.M
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(tempfile, "TemporaryDirectory", refuse)
-    assert "cannot be written (Permission denied)" in wrong()
+    assert "cannot be written (Permission denied)" in wrong(sources)
 
 
 def test_a_library_that_cannot_be_loaded(sources: Path) -> None:
     """Of another kind of machine, or damaged."""
-    mark = f"core_source={compiling.digest(compiling.sources())}"
+    mark = f"core_source={compiling.digest(compiling.sources(sources / 'core.c'))}"
     (sources / f"core{compiling.suffix()}").write_text(mark)
-    assert "cannot be loaded" in wrong()
-    assert "build it: `python -m isel_twin.native.compiling`" in wrong()
+    assert "cannot be loaded" in wrong(sources)
+    assert "build it: `python -m isel_twin.native.compiling`" in wrong(sources)
 
 
 def test_an_installed_package_compiles_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """There are no C sources: its library is what it came with."""
-    monkeypatch.setattr(compiling, "HERE", tmp_path)
     monkeypatch.setattr(compiling, "build", None)
-    assert wrong() == f"{tmp_path / f'core{compiling.suffix()}'}: is missing; install isel-twin anew"
+    assert wrong(tmp_path) == f"{tmp_path / f'core{compiling.suffix()}'}: is missing; install isel-twin anew"
     (tmp_path / f"core{compiling.suffix()}").touch()
-    assert compiling.library().exists()
+    assert library(tmp_path).exists()
 
 
 def test_a_command_says_what_is_wrong_in_a_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(compiling, "HERE", tmp_path)
-    monkeypatch.setattr("isel_twin.native.core", Core())
+    monkeypatch.setattr("isel_twin.native.core", Core(tmp_path / "core.c"))
     with pytest.raises(SystemExit) as caught:
         main(["serve", "--tcp", "127.0.0.1:0"])
     said = capsys.readouterr()

@@ -28,6 +28,13 @@ FLAGS = (
     "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror=vla",
 )  # fmt: skip
 X86_64 = ("-march=x86-64-v2", "-mno-fma")
+TARGETS = {  # other machines, as ziglang names them: the tag of a wheel
+    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
+    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
+    "x86_64-macos.11.0": "macosx_11_0_x86_64",
+    "aarch64-macos.11.0": "macosx_11_0_arm64",
+    "x86_64-windows-gnu": "win_amd64",
+}
 REMEDY = "build it: `python -m isel_twin.native.compiling`, or install isel-twin anew"
 _PROTOTYPE = re.compile(r"^API ((?:int64_t|double|void) \w+\((?:[^(){;]|\([^()]*\))*\)) *\{", re.MULTILINE)
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)

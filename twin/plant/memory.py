@@ -13,15 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.drives.shaft import AXIS_PARAMETERS, AXIS_STATE
 from isel_twin.native import record
 from isel_twin.plant import MOST_SAMPLES
-from isel_twin.plant.cutting import CUT
-from isel_twin.plant.feed import SUPPLY
-from isel_twin.plant.glide import JOINT
-from isel_twin.plant.lead import LEAD
-from isel_twin.plant.thread import SCREW
-from isel_twin.plant.touch import FEELER, TARGET
 
 AXES = 3  # with mechanics
 SAMPLES = MOST_SAMPLES  # samples that can wait to be read
