@@ -29,7 +29,6 @@ from isel_twin.motion import StepRun, circle, line, trapezoid
 from isel_twin.motion.joined import joined
 from isel_twin.motion.pieces import chain, piece
 from isel_twin.plant import Plant, Sampled, Threshold
-from isel_twin.plant.lead import no_leads
 from isel_twin.plant.touch import TARGET, Felt
 
 
@@ -50,11 +49,6 @@ def warm_up(plant: str, tell: Callable[[str], None] = log_compiling, controllers
         machine.advance(2 * until_ns, np.array([2 * until_ns]), np.ones((1, 4), dtype=np.int32), lead_ns=until_ns)
         machine.watch_margin()
         Felt(load_machine("4030"), np.zeros(0, TARGET), 0.0, 0.0).take(np.zeros(len(CARRIAGES)))  # without MuJoCo
-        if plant == "kinematic":
-            from isel_twin.plant.following import places_on_the_way
-
-            wide = np.zeros((len(t_ns), 4), np.int32)
-            places_on_the_way(0, until_ns, until_ns, t_ns, wide, np.zeros(4, np.int64), no_leads(4))
         servos = _plant(plant, "4030-servo")
         servos.reset_drives()
         servos.current_fraction  # noqa: B018

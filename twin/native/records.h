@@ -2,6 +2,9 @@
 #pragma once
 #include <stddef.h>
 
+#define SECOND_NS 1000000000
+#define STRAIGHT 1e-09
+#define RIGHT_ANGLE_DEG 90.0
 #define FARTHEST 2147483648.0
 #define FRACTIONS 65536.0
 #define AXES 3
@@ -82,6 +85,27 @@ _Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
 TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
 
 typedef struct {
+    double ratio[6];
+    int64_t influence[6];
+    double speed_hz[7];
+    double acceleration_hz_per_s[7];
+    int64_t tool_speed;
+    double jump_hz;
+    double sharp_jump_hz;
+} GMI99_RULES;
+_Static_assert(offsetof(GMI99_RULES, ratio) == 0, "ratio");
+_Static_assert(offsetof(GMI99_RULES, influence) == 48, "influence");
+_Static_assert(offsetof(GMI99_RULES, speed_hz) == 96, "speed_hz");
+_Static_assert(offsetof(GMI99_RULES, acceleration_hz_per_s) == 152, "acceleration_hz_per_s");
+_Static_assert(offsetof(GMI99_RULES, tool_speed) == 208, "tool_speed");
+_Static_assert(offsetof(GMI99_RULES, jump_hz) == 216, "jump_hz");
+_Static_assert(offsetof(GMI99_RULES, sharp_jump_hz) == 224, "sharp_jump_hz");
+
+_Static_assert(sizeof(GMI99_RULES) == 232, "GMI99_RULES");
+
+TEXT layout_GMI99_RULES = "ratio ('<f8', (6,)) 0; influence ('<i8', (6,)) 48; speed_hz ('<f8', (7,)) 96; acceleration_hz_per_s ('<f8', (7,)) 152; tool_speed i8 208; jump_hz f8 216; sharp_jump_hz f8 224; 232";
+
+typedef struct {
     int64_t on;
     int64_t flutes;
     int64_t start;
@@ -133,6 +157,23 @@ _Static_assert(offsetof(CUT, bend_m) == 176, "bend_m");
 _Static_assert(sizeof(CUT) == 192, "CUT");
 
 TEXT layout_CUT = "on i8 0; flutes i8 8; start i8 16; turns f8 24; tooth_s f8 32; gain f8 40; most_m_s f8 48; n_per_m f8 56; m f8 64; radial f8 72; edge_n f8 80; edge_radial_n f8 88; enter_rad f8 96; leave_rad f8 104; left f8 112; x_m_s f8 120; y_m_s f8 128; x_n f8 136; y_n f8 144; sum_x_n f8 152; sum_y_n f8 160; tool_m_per_n f8 168; bend_m ('<f8', (2,)) 176; 192";
+
+typedef struct {
+    int64_t axis;
+    int64_t sense;
+    double strike;
+    double release;
+    int64_t struck;
+} SWITCH;
+_Static_assert(offsetof(SWITCH, axis) == 0, "axis");
+_Static_assert(offsetof(SWITCH, sense) == 8, "sense");
+_Static_assert(offsetof(SWITCH, strike) == 16, "strike");
+_Static_assert(offsetof(SWITCH, release) == 24, "release");
+_Static_assert(offsetof(SWITCH, struck) == 32, "struck");
+
+_Static_assert(sizeof(SWITCH) == 40, "SWITCH");
+
+TEXT layout_SWITCH = "axis i8 0; sense i8 8; strike f8 16; release f8 24; struck i8 32; 40";
 
 typedef struct {
     int64_t kind;

@@ -8,14 +8,18 @@ from pathlib import Path
 from isel_twin.native.library import POINTED, RECORDS, layout
 
 MODULES = (  # these import all others
+    "isel_twin.firmware.gmi99.planner",
     "isel_twin.motion.look_ahead",
     "isel_twin.motion.time_law",
+    "isel_twin.plant.following",
     "isel_twin.plant.memory",
     "isel_twin.envs.tracking",
     "isel_twin.envs.track_vector",
 )
 # numbers that C has by the same name
 NUMBERS = {
+    "isel_twin.base.units": ("SECOND_NS",),
+    "isel_twin.firmware.gmi99.planner": ("STRAIGHT", "RIGHT_ANGLE_DEG"),
     "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
     "isel_twin.plant.memory": ("AXES", "KEPT", "SAME"),
 }

@@ -38,7 +38,7 @@ CONTACTS = (
 
 
 class External:
-    """Implements isel_twin.controller.Controller, UsesDrives, HoldsHost and Compiles."""
+    """Implements isel_twin.controller.Controller, UsesDrives and HoldsHost."""
 
     # a socket is no serial line: a byte takes 10 ns
     serial_format = SerialFormat(1_000_000_000)
@@ -112,9 +112,6 @@ class External:
 
     def drive_inputs(self) -> Sequence[Any]:
         return ()
-
-    def warm_up(self) -> None:
-        spread(np.ones(self._axes, np.int64), 0, 1000)
 
     def power_on(self, t_ns: int, levels: Mapping[str, bool]) -> None:
         self._t_ns = t_ns

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from isel_twin.base.parameters import Limits
 from isel_twin.controller import DriveInput, Drives, Event, Key, KeyValue, Reply, SerialFormat
-from isel_twin.firmware.gmi99 import images, link, planner, queries
+from isel_twin.firmware.gmi99 import images, link, queries
 from isel_twin.firmware.gmi99.commands import Kind, command_of, parse
 from isel_twin.firmware.gmi99.device import OUTPUT_NAMES, Card
 from isel_twin.firmware.gmi99.drives import TERMINALS, TURN
@@ -32,7 +32,7 @@ EMPTY = Stored()  # a card from the factory
 
 
 class Gmi99:
-    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs, HasKeys and Compiles."""
+    """Implements isel_twin.controller.Controller, UsesDrives, NamesOutputs and HasKeys."""
 
     direction = (1,) * SLOTS
     output_names: Sequence[str] = OUTPUT_NAMES
@@ -57,9 +57,6 @@ class Gmi99:
         self._sequencer = Sequencer(self._card)
         self._receiver = Receiver(dil.variant, from_host=True)
         self._heard_ns = 0
-
-    def warm_up(self) -> None:
-        planner.warm_up()
 
     # ---- state ------------------------------------------------------------------------------------------------------
 
