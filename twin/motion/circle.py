@@ -151,7 +151,9 @@ class Circle:
             core.fill_even(makes_one, np.array([self.arc_ticks]), first, self.ticks)
             delta[makes_one[:, 0] == 1] = steps
         if self.third_axis is not None:
-            core.fill_even(delta, np.eye(self.axes, dtype=np.int64)[self.third_axis] * self.third_steps, first, self.ticks)
+            core.fill_even(
+                delta, np.eye(self.axes, dtype=np.int64)[self.third_axis] * self.third_steps, first, self.ticks
+            )
         return delta
 
     def displacement(self, k: int) -> Displacement:

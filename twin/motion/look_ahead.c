@@ -39,7 +39,7 @@ INLINE double reach_of(const PLAN_PIECE *piece, double v, double factor) {
 
 /* Fill in joint [n + 1], the speeds at the beginnings of pieces and the end; return whether all entry speeds are kept
    and the final speed is 0. */
-INLINE int64_t join(double s, double v, const PLAN_PIECE *table, int64_t n, const double *wanted, double factor,
+INLINE int64_t join_pieces(double s, double v, const PLAN_PIECE *table, int64_t n, const double *wanted, double factor,
                     double *joint) {
     joint[n] = 0.0;
     for (int64_t j = n - 1; j > 0; j--)
@@ -71,7 +71,7 @@ INLINE int64_t join(double s, double v, const PLAN_PIECE *table, int64_t n, cons
 API int64_t lay(double t, double s, double v, A1(const PLAN_PIECE, table), A1(const double, wanted), double factor,
                 A1(double, joint), A1(PLAN_PHASE, phases), A1(int32_t, piece), A1(int8_t, back), A1(int64_t, told)) {
     told[0] = 0;
-    told[1] = join(s, v, table, table_n, wanted, factor, joint);
+    told[1] = join_pieces(s, v, table, table_n, wanted, factor, joint);
     for (int64_t j = table_n - 1; j > 0; j--)
         if (joint[j] < reach_of(&table[j], joint[j + 1], factor)) {
             told[0] = j;

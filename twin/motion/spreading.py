@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from isel_twin.native import core
 
 
-def spread(
-    changes: NDArray[np.int64], start_ns: int, duration_ns: int
-) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+def spread(changes: NDArray[np.int64], start_ns: int, duration_ns: int) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """(t_ns int64 [n], delta int8 [n, axes]) of a row. changes: int64 [axes]."""
     most = int(np.abs(changes).sum())
     t_ns, delta = np.empty(most, np.int64), np.zeros((most, len(changes)), np.int8)

@@ -14,6 +14,8 @@
 #include "../motion/path.c"
 #include "../motion/spreading.c"
 #include "../motion/time_law.c"
+#include "../firmware/gmi99/planner.c"
+#include "../plant/following.c"
 #include "../plant/weighing.c"
 #include "../plant/glide.c"
 #include "../plant/touch.c"

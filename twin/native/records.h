@@ -2,6 +2,7 @@
 #pragma once
 #include <stddef.h>
 
+#define SECOND_NS 1000000000
 #define IS_TIME -2
 #define NO_BIT 6
 #define SHORT_ROW 7
@@ -32,6 +33,8 @@
 #define STEPS_LOST 4
 #define IDLE -2
 #define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
+#define STRAIGHT 1e-09
+#define RIGHT_ANGLE_DEG 90.0
 #define FARTHEST 2147483648.0
 #define FRACTIONS 65536.0
 #define SPEED_STEP_RAD_S 2.0
@@ -167,408 +170,6 @@ _Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
 _Static_assert(sizeof(PHASE) == 120, "PHASE");
 
 TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
-
-typedef struct {
-    int64_t kind;
-    double microstep_rad;
-    double phase_offset_rad;
-    double stepped;
-    double current_a;
-    double drive_v;
-    double return_v;
-    double fast_share;
-    double decay;
-    double gain_a_per_v;
-    double gain_v_per_a;
-    double torque_constant_nm_per_a;
-    double pole_pairs;
-    double detent_torque_nm;
-    double iron_nm_s_per_rad;
-    double iron_knee_s_per_rad;
-    double damping_gain;
-    double smooth_share;
-    double damping_share;
-    double dt_s;
-    double kick_rad_s_per_nm;
-    double inertia_kgm2;
-    double drag_nm_s_per_rad;
-    double coulomb_nm;
-    double stribeck_nm;
-    double stribeck_rad_s;
-    double travel_m_per_rad;
-    double half_backlash_m;
-    double stiffness_n_per_m;
-    double damping_n_s_per_m;
-    double forward_loss;
-    double backward_loss;
-    double plain;
-    double step_error_rad;
-    double current_offset;
-    double increments_per_rad;
-    int64_t loop_substeps;
-    double position_gain_rad_s;
-    double forward_rad_s;
-    double speed_gain_a_s;
-    double integral_share;
-    double peak_a;
-    double rated_a;
-    double lag_limit;
-    double window;
-    int64_t window_substeps;
-    double heat_share;
-    int64_t connected;
-} AXIS_PARAMETERS;
-_Static_assert(offsetof(AXIS_PARAMETERS, kind) == 0, "kind");
-_Static_assert(offsetof(AXIS_PARAMETERS, microstep_rad) == 8, "microstep_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, phase_offset_rad) == 16, "phase_offset_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, stepped) == 24, "stepped");
-_Static_assert(offsetof(AXIS_PARAMETERS, current_a) == 32, "current_a");
-_Static_assert(offsetof(AXIS_PARAMETERS, drive_v) == 40, "drive_v");
-_Static_assert(offsetof(AXIS_PARAMETERS, return_v) == 48, "return_v");
-_Static_assert(offsetof(AXIS_PARAMETERS, fast_share) == 56, "fast_share");
-_Static_assert(offsetof(AXIS_PARAMETERS, decay) == 64, "decay");
-_Static_assert(offsetof(AXIS_PARAMETERS, gain_a_per_v) == 72, "gain_a_per_v");
-_Static_assert(offsetof(AXIS_PARAMETERS, gain_v_per_a) == 80, "gain_v_per_a");
-_Static_assert(offsetof(AXIS_PARAMETERS, torque_constant_nm_per_a) == 88, "torque_constant_nm_per_a");
-_Static_assert(offsetof(AXIS_PARAMETERS, pole_pairs) == 96, "pole_pairs");
-_Static_assert(offsetof(AXIS_PARAMETERS, detent_torque_nm) == 104, "detent_torque_nm");
-_Static_assert(offsetof(AXIS_PARAMETERS, iron_nm_s_per_rad) == 112, "iron_nm_s_per_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, iron_knee_s_per_rad) == 120, "iron_knee_s_per_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, damping_gain) == 128, "damping_gain");
-_Static_assert(offsetof(AXIS_PARAMETERS, smooth_share) == 136, "smooth_share");
-_Static_assert(offsetof(AXIS_PARAMETERS, damping_share) == 144, "damping_share");
-_Static_assert(offsetof(AXIS_PARAMETERS, dt_s) == 152, "dt_s");
-_Static_assert(offsetof(AXIS_PARAMETERS, kick_rad_s_per_nm) == 160, "kick_rad_s_per_nm");
-_Static_assert(offsetof(AXIS_PARAMETERS, inertia_kgm2) == 168, "inertia_kgm2");
-_Static_assert(offsetof(AXIS_PARAMETERS, drag_nm_s_per_rad) == 176, "drag_nm_s_per_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, coulomb_nm) == 184, "coulomb_nm");
-_Static_assert(offsetof(AXIS_PARAMETERS, stribeck_nm) == 192, "stribeck_nm");
-_Static_assert(offsetof(AXIS_PARAMETERS, stribeck_rad_s) == 200, "stribeck_rad_s");
-_Static_assert(offsetof(AXIS_PARAMETERS, travel_m_per_rad) == 208, "travel_m_per_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, half_backlash_m) == 216, "half_backlash_m");
-_Static_assert(offsetof(AXIS_PARAMETERS, stiffness_n_per_m) == 224, "stiffness_n_per_m");
-_Static_assert(offsetof(AXIS_PARAMETERS, damping_n_s_per_m) == 232, "damping_n_s_per_m");
-_Static_assert(offsetof(AXIS_PARAMETERS, forward_loss) == 240, "forward_loss");
-_Static_assert(offsetof(AXIS_PARAMETERS, backward_loss) == 248, "backward_loss");
-_Static_assert(offsetof(AXIS_PARAMETERS, plain) == 256, "plain");
-_Static_assert(offsetof(AXIS_PARAMETERS, step_error_rad) == 264, "step_error_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, current_offset) == 272, "current_offset");
-_Static_assert(offsetof(AXIS_PARAMETERS, increments_per_rad) == 280, "increments_per_rad");
-_Static_assert(offsetof(AXIS_PARAMETERS, loop_substeps) == 288, "loop_substeps");
-_Static_assert(offsetof(AXIS_PARAMETERS, position_gain_rad_s) == 296, "position_gain_rad_s");
-_Static_assert(offsetof(AXIS_PARAMETERS, forward_rad_s) == 304, "forward_rad_s");
-_Static_assert(offsetof(AXIS_PARAMETERS, speed_gain_a_s) == 312, "speed_gain_a_s");
-_Static_assert(offsetof(AXIS_PARAMETERS, integral_share) == 320, "integral_share");
-_Static_assert(offsetof(AXIS_PARAMETERS, peak_a) == 328, "peak_a");
-_Static_assert(offsetof(AXIS_PARAMETERS, rated_a) == 336, "rated_a");
-_Static_assert(offsetof(AXIS_PARAMETERS, lag_limit) == 344, "lag_limit");
-_Static_assert(offsetof(AXIS_PARAMETERS, window) == 352, "window");
-_Static_assert(offsetof(AXIS_PARAMETERS, window_substeps) == 360, "window_substeps");
-_Static_assert(offsetof(AXIS_PARAMETERS, heat_share) == 368, "heat_share");
-_Static_assert(offsetof(AXIS_PARAMETERS, connected) == 376, "connected");
-
-_Static_assert(sizeof(AXIS_PARAMETERS) == 384, "AXIS_PARAMETERS");
-
-#define AXIS_PARAMETERS_FIELDS \
-    FIELD_int64_t(kind) \
-    FIELD_double(microstep_rad) \
-    FIELD_double(phase_offset_rad) \
-    FIELD_double(stepped) \
-    FIELD_double(current_a) \
-    FIELD_double(drive_v) \
-    FIELD_double(return_v) \
-    FIELD_double(fast_share) \
-    FIELD_double(decay) \
-    FIELD_double(gain_a_per_v) \
-    FIELD_double(gain_v_per_a) \
-    FIELD_double(torque_constant_nm_per_a) \
-    FIELD_double(pole_pairs) \
-    FIELD_double(detent_torque_nm) \
-    FIELD_double(iron_nm_s_per_rad) \
-    FIELD_double(iron_knee_s_per_rad) \
-    FIELD_double(damping_gain) \
-    FIELD_double(smooth_share) \
-    FIELD_double(damping_share) \
-    FIELD_double(dt_s) \
-    FIELD_double(kick_rad_s_per_nm) \
-    FIELD_double(inertia_kgm2) \
-    FIELD_double(drag_nm_s_per_rad) \
-    FIELD_double(coulomb_nm) \
-    FIELD_double(stribeck_nm) \
-    FIELD_double(stribeck_rad_s) \
-    FIELD_double(travel_m_per_rad) \
-    FIELD_double(half_backlash_m) \
-    FIELD_double(stiffness_n_per_m) \
-    FIELD_double(damping_n_s_per_m) \
-    FIELD_double(forward_loss) \
-    FIELD_double(backward_loss) \
-    FIELD_double(plain) \
-    FIELD_double(step_error_rad) \
-    FIELD_double(current_offset) \
-    FIELD_double(increments_per_rad) \
-    FIELD_int64_t(loop_substeps) \
-    FIELD_double(position_gain_rad_s) \
-    FIELD_double(forward_rad_s) \
-    FIELD_double(speed_gain_a_s) \
-    FIELD_double(integral_share) \
-    FIELD_double(peak_a) \
-    FIELD_double(rated_a) \
-    FIELD_double(lag_limit) \
-    FIELD_double(window) \
-    FIELD_int64_t(window_substeps) \
-    FIELD_double(heat_share) \
-    FIELD_int64_t(connected)
-
-TEXT layout_AXIS_PARAMETERS = "kind i8 0; microstep_rad f8 8; phase_offset_rad f8 16; stepped f8 24; current_a f8 32; drive_v f8 40; return_v f8 48; fast_share f8 56; decay f8 64; gain_a_per_v f8 72; gain_v_per_a f8 80; torque_constant_nm_per_a f8 88; pole_pairs f8 96; detent_torque_nm f8 104; iron_nm_s_per_rad f8 112; iron_knee_s_per_rad f8 120; damping_gain f8 128; smooth_share f8 136; damping_share f8 144; dt_s f8 152; kick_rad_s_per_nm f8 160; inertia_kgm2 f8 168; drag_nm_s_per_rad f8 176; coulomb_nm f8 184; stribeck_nm f8 192; stribeck_rad_s f8 200; travel_m_per_rad f8 208; half_backlash_m f8 216; stiffness_n_per_m f8 224; damping_n_s_per_m f8 232; forward_loss f8 240; backward_loss f8 248; plain f8 256; step_error_rad f8 264; current_offset f8 272; increments_per_rad f8 280; loop_substeps i8 288; position_gain_rad_s f8 296; forward_rad_s f8 304; speed_gain_a_s f8 312; integral_share f8 320; peak_a f8 328; rated_a f8 336; lag_limit f8 344; window f8 352; window_substeps i8 360; heat_share f8 368; connected i8 376; 384";
-
-typedef struct {
-    double theta_rad;
-    double omega_rad_s;
-    double current_a_a;
-    double current_b_a;
-    double command;
-    double shape_a;
-    double shape_b;
-    double smooth_rad;
-    double lag_rad;
-    double torque_nm;
-    double force_n;
-    int64_t at_rest;
-    int64_t on;
-    int64_t fault;
-    int64_t cause;
-    int64_t faults;
-    int64_t due;
-    double shift;
-    double error;
-    double wanted_a;
-    double integral_rad_s;
-    double sampled;
-    double voltage_v;
-    double heat;
-    int64_t overloaded;
-    int64_t arrived;
-} AXIS_STATE;
-_Static_assert(offsetof(AXIS_STATE, theta_rad) == 0, "theta_rad");
-_Static_assert(offsetof(AXIS_STATE, omega_rad_s) == 8, "omega_rad_s");
-_Static_assert(offsetof(AXIS_STATE, current_a_a) == 16, "current_a_a");
-_Static_assert(offsetof(AXIS_STATE, current_b_a) == 24, "current_b_a");
-_Static_assert(offsetof(AXIS_STATE, command) == 32, "command");
-_Static_assert(offsetof(AXIS_STATE, shape_a) == 40, "shape_a");
-_Static_assert(offsetof(AXIS_STATE, shape_b) == 48, "shape_b");
-_Static_assert(offsetof(AXIS_STATE, smooth_rad) == 56, "smooth_rad");
-_Static_assert(offsetof(AXIS_STATE, lag_rad) == 64, "lag_rad");
-_Static_assert(offsetof(AXIS_STATE, torque_nm) == 72, "torque_nm");
-_Static_assert(offsetof(AXIS_STATE, force_n) == 80, "force_n");
-_Static_assert(offsetof(AXIS_STATE, at_rest) == 88, "at_rest");
-_Static_assert(offsetof(AXIS_STATE, on) == 96, "on");
-_Static_assert(offsetof(AXIS_STATE, fault) == 104, "fault");
-_Static_assert(offsetof(AXIS_STATE, cause) == 112, "cause");
-_Static_assert(offsetof(AXIS_STATE, faults) == 120, "faults");
-_Static_assert(offsetof(AXIS_STATE, due) == 128, "due");
-_Static_assert(offsetof(AXIS_STATE, shift) == 136, "shift");
-_Static_assert(offsetof(AXIS_STATE, error) == 144, "error");
-_Static_assert(offsetof(AXIS_STATE, wanted_a) == 152, "wanted_a");
-_Static_assert(offsetof(AXIS_STATE, integral_rad_s) == 160, "integral_rad_s");
-_Static_assert(offsetof(AXIS_STATE, sampled) == 168, "sampled");
-_Static_assert(offsetof(AXIS_STATE, voltage_v) == 176, "voltage_v");
-_Static_assert(offsetof(AXIS_STATE, heat) == 184, "heat");
-_Static_assert(offsetof(AXIS_STATE, overloaded) == 192, "overloaded");
-_Static_assert(offsetof(AXIS_STATE, arrived) == 200, "arrived");
-
-_Static_assert(sizeof(AXIS_STATE) == 208, "AXIS_STATE");
-
-#define AXIS_STATE_FIELDS \
-    FIELD_double(theta_rad) \
-    FIELD_double(omega_rad_s) \
-    FIELD_double(current_a_a) \
-    FIELD_double(current_b_a) \
-    FIELD_double(command) \
-    FIELD_double(shape_a) \
-    FIELD_double(shape_b) \
-    FIELD_double(smooth_rad) \
-    FIELD_double(lag_rad) \
-    FIELD_double(torque_nm) \
-    FIELD_double(force_n) \
-    FIELD_int64_t(at_rest) \
-    FIELD_int64_t(on) \
-    FIELD_int64_t(fault) \
-    FIELD_int64_t(cause) \
-    FIELD_int64_t(faults) \
-    FIELD_int64_t(due) \
-    FIELD_double(shift) \
-    FIELD_double(error) \
-    FIELD_double(wanted_a) \
-    FIELD_double(integral_rad_s) \
-    FIELD_double(sampled) \
-    FIELD_double(voltage_v) \
-    FIELD_double(heat) \
-    FIELD_int64_t(overloaded) \
-    FIELD_int64_t(arrived)
-
-TEXT layout_AXIS_STATE = "theta_rad f8 0; omega_rad_s f8 8; current_a_a f8 16; current_b_a f8 24; command f8 32; shape_a f8 40; shape_b f8 48; smooth_rad f8 56; lag_rad f8 64; torque_nm f8 72; force_n f8 80; at_rest i8 88; on i8 96; fault i8 104; cause i8 112; faults i8 120; due i8 128; shift f8 136; error f8 144; wanted_a f8 152; integral_rad_s f8 160; sampled f8 168; voltage_v f8 176; heat f8 184; overloaded i8 192; arrived i8 200; 208";
-
-typedef struct {
-    int64_t on;
-    int64_t gate;
-    int64_t steady;
-    double voltage_v;
-    double source_v;
-    double source_ohm;
-    double charge_decay;
-    double window_s;
-    double capacitance_f;
-    double chopper_v;
-    double chopper_ohm;
-    double undervoltage_v;
-    double release_v;
-    double energy_j;
-    double mean_j;
-    double magnetic_j;
-    double drawn_j;
-    double dumped_j;
-} SUPPLY;
-_Static_assert(offsetof(SUPPLY, on) == 0, "on");
-_Static_assert(offsetof(SUPPLY, gate) == 8, "gate");
-_Static_assert(offsetof(SUPPLY, steady) == 16, "steady");
-_Static_assert(offsetof(SUPPLY, voltage_v) == 24, "voltage_v");
-_Static_assert(offsetof(SUPPLY, source_v) == 32, "source_v");
-_Static_assert(offsetof(SUPPLY, source_ohm) == 40, "source_ohm");
-_Static_assert(offsetof(SUPPLY, charge_decay) == 48, "charge_decay");
-_Static_assert(offsetof(SUPPLY, window_s) == 56, "window_s");
-_Static_assert(offsetof(SUPPLY, capacitance_f) == 64, "capacitance_f");
-_Static_assert(offsetof(SUPPLY, chopper_v) == 72, "chopper_v");
-_Static_assert(offsetof(SUPPLY, chopper_ohm) == 80, "chopper_ohm");
-_Static_assert(offsetof(SUPPLY, undervoltage_v) == 88, "undervoltage_v");
-_Static_assert(offsetof(SUPPLY, release_v) == 96, "release_v");
-_Static_assert(offsetof(SUPPLY, energy_j) == 104, "energy_j");
-_Static_assert(offsetof(SUPPLY, mean_j) == 112, "mean_j");
-_Static_assert(offsetof(SUPPLY, magnetic_j) == 120, "magnetic_j");
-_Static_assert(offsetof(SUPPLY, drawn_j) == 128, "drawn_j");
-_Static_assert(offsetof(SUPPLY, dumped_j) == 136, "dumped_j");
-
-_Static_assert(sizeof(SUPPLY) == 144, "SUPPLY");
-
-TEXT layout_SUPPLY = "on i8 0; gate i8 8; steady i8 16; voltage_v f8 24; source_v f8 32; source_ohm f8 40; charge_decay f8 48; window_s f8 56; capacitance_f f8 64; chopper_v f8 72; chopper_ohm f8 80; undervoltage_v f8 88; release_v f8 96; energy_j f8 104; mean_j f8 112; magnetic_j f8 120; drawn_j f8 128; dumped_j f8 136; 144";
-
-typedef struct {
-    int64_t on;
-    int64_t broken;
-    int64_t at;
-    double radius_m;
-    double below_m;
-    double pretravel_m;
-    double lobing_m;
-    double over_m;
-    double force_n;
-    double force_z_n;
-    double rate_n_per_m;
-    double deflected_m;
-    double push_n[3];
-    double sum_n[3];
-    double mean_n[3];
-} FEELER;
-_Static_assert(offsetof(FEELER, on) == 0, "on");
-_Static_assert(offsetof(FEELER, broken) == 8, "broken");
-_Static_assert(offsetof(FEELER, at) == 16, "at");
-_Static_assert(offsetof(FEELER, radius_m) == 24, "radius_m");
-_Static_assert(offsetof(FEELER, below_m) == 32, "below_m");
-_Static_assert(offsetof(FEELER, pretravel_m) == 40, "pretravel_m");
-_Static_assert(offsetof(FEELER, lobing_m) == 48, "lobing_m");
-_Static_assert(offsetof(FEELER, over_m) == 56, "over_m");
-_Static_assert(offsetof(FEELER, force_n) == 64, "force_n");
-_Static_assert(offsetof(FEELER, force_z_n) == 72, "force_z_n");
-_Static_assert(offsetof(FEELER, rate_n_per_m) == 80, "rate_n_per_m");
-_Static_assert(offsetof(FEELER, deflected_m) == 88, "deflected_m");
-_Static_assert(offsetof(FEELER, push_n) == 96, "push_n");
-_Static_assert(offsetof(FEELER, sum_n) == 120, "sum_n");
-_Static_assert(offsetof(FEELER, mean_n) == 144, "mean_n");
-
-_Static_assert(sizeof(FEELER) == 168, "FEELER");
-
-TEXT layout_FEELER = "on i8 0; broken i8 8; at i8 16; radius_m f8 24; below_m f8 32; pretravel_m f8 40; lobing_m f8 48; over_m f8 56; force_n f8 64; force_z_n f8 72; rate_n_per_m f8 80; deflected_m f8 88; push_n ('<f8', (3,)) 96; sum_n ('<f8', (3,)) 120; mean_n ('<f8', (3,)) 144; 168";
-
-typedef struct {
-    int64_t kind;
-    double x_m;
-    double y_m;
-    double z_m;
-    double a_m;
-    double b_m;
-    double c_m;
-    double cosine;
-    double sine;
-} TARGET;
-_Static_assert(offsetof(TARGET, kind) == 0, "kind");
-_Static_assert(offsetof(TARGET, x_m) == 8, "x_m");
-_Static_assert(offsetof(TARGET, y_m) == 16, "y_m");
-_Static_assert(offsetof(TARGET, z_m) == 24, "z_m");
-_Static_assert(offsetof(TARGET, a_m) == 32, "a_m");
-_Static_assert(offsetof(TARGET, b_m) == 40, "b_m");
-_Static_assert(offsetof(TARGET, c_m) == 48, "c_m");
-_Static_assert(offsetof(TARGET, cosine) == 56, "cosine");
-_Static_assert(offsetof(TARGET, sine) == 64, "sine");
-
-_Static_assert(sizeof(TARGET) == 72, "TARGET");
-
-TEXT layout_TARGET = "kind i8 0; x_m f8 8; y_m f8 16; z_m f8 24; a_m f8 32; b_m f8 40; c_m f8 48; cosine f8 56; sine f8 64; 72";
-
-typedef struct {
-    double low_m;
-    double high_m;
-    double rest_n;
-    double spring_n_per_m;
-    double damper_n_s_per_m;
-    double friction_n;
-    double creep_per_s;
-    double stuck_kg;
-    double force_n;
-} JOINT;
-_Static_assert(offsetof(JOINT, low_m) == 0, "low_m");
-_Static_assert(offsetof(JOINT, high_m) == 8, "high_m");
-_Static_assert(offsetof(JOINT, rest_n) == 16, "rest_n");
-_Static_assert(offsetof(JOINT, spring_n_per_m) == 24, "spring_n_per_m");
-_Static_assert(offsetof(JOINT, damper_n_s_per_m) == 32, "damper_n_s_per_m");
-_Static_assert(offsetof(JOINT, friction_n) == 40, "friction_n");
-_Static_assert(offsetof(JOINT, creep_per_s) == 48, "creep_per_s");
-_Static_assert(offsetof(JOINT, stuck_kg) == 56, "stuck_kg");
-_Static_assert(offsetof(JOINT, force_n) == 64, "force_n");
-
-_Static_assert(sizeof(JOINT) == 72, "JOINT");
-
-TEXT layout_JOINT = "low_m f8 0; high_m f8 8; rest_n f8 16; spring_n_per_m f8 24; damper_n_s_per_m f8 32; friction_n f8 40; creep_per_s f8 48; stuck_kg f8 56; force_n f8 64; 72";
-
-typedef struct {
-    double pending;
-    int64_t end_ns;
-    int64_t lead_ns;
-} LEAD;
-_Static_assert(offsetof(LEAD, pending) == 0, "pending");
-_Static_assert(offsetof(LEAD, end_ns) == 8, "end_ns");
-_Static_assert(offsetof(LEAD, lead_ns) == 16, "lead_ns");
-
-_Static_assert(sizeof(LEAD) == 24, "LEAD");
-
-TEXT layout_LEAD = "pending f8 0; end_ns i8 8; lead_ns i8 16; 24";
-
-typedef struct {
-    double start_m;
-    double travel_m_per_rad;
-    double cyclic_m;
-    double soft_m_per_n;
-    double free_m;
-    double rod_n;
-} SCREW;
-_Static_assert(offsetof(SCREW, start_m) == 0, "start_m");
-_Static_assert(offsetof(SCREW, travel_m_per_rad) == 8, "travel_m_per_rad");
-_Static_assert(offsetof(SCREW, cyclic_m) == 16, "cyclic_m");
-_Static_assert(offsetof(SCREW, soft_m_per_n) == 24, "soft_m_per_n");
-_Static_assert(offsetof(SCREW, free_m) == 32, "free_m");
-_Static_assert(offsetof(SCREW, rod_n) == 40, "rod_n");
-
-_Static_assert(sizeof(SCREW) == 48, "SCREW");
-
-TEXT layout_SCREW = "start_m f8 0; travel_m_per_rad f8 8; cyclic_m f8 16; soft_m_per_n f8 24; free_m f8 32; rod_n f8 40; 48";
 
 typedef struct {
     int64_t substep_ns;
@@ -875,6 +476,346 @@ _Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
 _Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
 
 TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
+
+typedef struct {
+    double ratio[6];
+    int64_t influence[6];
+    double speed_hz[7];
+    double acceleration_hz_per_s[7];
+    int64_t tool_speed;
+    double jump_hz;
+    double sharp_jump_hz;
+} GMI99_RULES;
+_Static_assert(offsetof(GMI99_RULES, ratio) == 0, "ratio");
+_Static_assert(offsetof(GMI99_RULES, influence) == 48, "influence");
+_Static_assert(offsetof(GMI99_RULES, speed_hz) == 96, "speed_hz");
+_Static_assert(offsetof(GMI99_RULES, acceleration_hz_per_s) == 152, "acceleration_hz_per_s");
+_Static_assert(offsetof(GMI99_RULES, tool_speed) == 208, "tool_speed");
+_Static_assert(offsetof(GMI99_RULES, jump_hz) == 216, "jump_hz");
+_Static_assert(offsetof(GMI99_RULES, sharp_jump_hz) == 224, "sharp_jump_hz");
+
+_Static_assert(sizeof(GMI99_RULES) == 232, "GMI99_RULES");
+
+TEXT layout_GMI99_RULES = "ratio ('<f8', (6,)) 0; influence ('<i8', (6,)) 48; speed_hz ('<f8', (7,)) 96; acceleration_hz_per_s ('<f8', (7,)) 152; tool_speed i8 208; jump_hz f8 216; sharp_jump_hz f8 224; 232";
+
+typedef struct {
+    int64_t axis;
+    int64_t sense;
+    double strike;
+    double release;
+    int64_t struck;
+} SWITCH;
+_Static_assert(offsetof(SWITCH, axis) == 0, "axis");
+_Static_assert(offsetof(SWITCH, sense) == 8, "sense");
+_Static_assert(offsetof(SWITCH, strike) == 16, "strike");
+_Static_assert(offsetof(SWITCH, release) == 24, "release");
+_Static_assert(offsetof(SWITCH, struck) == 32, "struck");
+
+_Static_assert(sizeof(SWITCH) == 40, "SWITCH");
+
+TEXT layout_SWITCH = "axis i8 0; sense i8 8; strike f8 16; release f8 24; struck i8 32; 40";
+
+typedef struct {
+    int64_t kind;
+    double microstep_rad;
+    double phase_offset_rad;
+    double stepped;
+    double current_a;
+    double drive_v;
+    double return_v;
+    double fast_share;
+    double decay;
+    double gain_a_per_v;
+    double gain_v_per_a;
+    double torque_constant_nm_per_a;
+    double pole_pairs;
+    double detent_torque_nm;
+    double iron_nm_s_per_rad;
+    double iron_knee_s_per_rad;
+    double damping_gain;
+    double smooth_share;
+    double damping_share;
+    double dt_s;
+    double kick_rad_s_per_nm;
+    double inertia_kgm2;
+    double drag_nm_s_per_rad;
+    double coulomb_nm;
+    double stribeck_nm;
+    double stribeck_rad_s;
+    double travel_m_per_rad;
+    double half_backlash_m;
+    double stiffness_n_per_m;
+    double damping_n_s_per_m;
+    double forward_loss;
+    double backward_loss;
+    double plain;
+    double step_error_rad;
+    double current_offset;
+    double increments_per_rad;
+    int64_t loop_substeps;
+    double position_gain_rad_s;
+    double forward_rad_s;
+    double speed_gain_a_s;
+    double integral_share;
+    double peak_a;
+    double rated_a;
+    double lag_limit;
+    double window;
+    int64_t window_substeps;
+    double heat_share;
+    int64_t connected;
+} AXIS_PARAMETERS;
+_Static_assert(offsetof(AXIS_PARAMETERS, kind) == 0, "kind");
+_Static_assert(offsetof(AXIS_PARAMETERS, microstep_rad) == 8, "microstep_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, phase_offset_rad) == 16, "phase_offset_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, stepped) == 24, "stepped");
+_Static_assert(offsetof(AXIS_PARAMETERS, current_a) == 32, "current_a");
+_Static_assert(offsetof(AXIS_PARAMETERS, drive_v) == 40, "drive_v");
+_Static_assert(offsetof(AXIS_PARAMETERS, return_v) == 48, "return_v");
+_Static_assert(offsetof(AXIS_PARAMETERS, fast_share) == 56, "fast_share");
+_Static_assert(offsetof(AXIS_PARAMETERS, decay) == 64, "decay");
+_Static_assert(offsetof(AXIS_PARAMETERS, gain_a_per_v) == 72, "gain_a_per_v");
+_Static_assert(offsetof(AXIS_PARAMETERS, gain_v_per_a) == 80, "gain_v_per_a");
+_Static_assert(offsetof(AXIS_PARAMETERS, torque_constant_nm_per_a) == 88, "torque_constant_nm_per_a");
+_Static_assert(offsetof(AXIS_PARAMETERS, pole_pairs) == 96, "pole_pairs");
+_Static_assert(offsetof(AXIS_PARAMETERS, detent_torque_nm) == 104, "detent_torque_nm");
+_Static_assert(offsetof(AXIS_PARAMETERS, iron_nm_s_per_rad) == 112, "iron_nm_s_per_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, iron_knee_s_per_rad) == 120, "iron_knee_s_per_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, damping_gain) == 128, "damping_gain");
+_Static_assert(offsetof(AXIS_PARAMETERS, smooth_share) == 136, "smooth_share");
+_Static_assert(offsetof(AXIS_PARAMETERS, damping_share) == 144, "damping_share");
+_Static_assert(offsetof(AXIS_PARAMETERS, dt_s) == 152, "dt_s");
+_Static_assert(offsetof(AXIS_PARAMETERS, kick_rad_s_per_nm) == 160, "kick_rad_s_per_nm");
+_Static_assert(offsetof(AXIS_PARAMETERS, inertia_kgm2) == 168, "inertia_kgm2");
+_Static_assert(offsetof(AXIS_PARAMETERS, drag_nm_s_per_rad) == 176, "drag_nm_s_per_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, coulomb_nm) == 184, "coulomb_nm");
+_Static_assert(offsetof(AXIS_PARAMETERS, stribeck_nm) == 192, "stribeck_nm");
+_Static_assert(offsetof(AXIS_PARAMETERS, stribeck_rad_s) == 200, "stribeck_rad_s");
+_Static_assert(offsetof(AXIS_PARAMETERS, travel_m_per_rad) == 208, "travel_m_per_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, half_backlash_m) == 216, "half_backlash_m");
+_Static_assert(offsetof(AXIS_PARAMETERS, stiffness_n_per_m) == 224, "stiffness_n_per_m");
+_Static_assert(offsetof(AXIS_PARAMETERS, damping_n_s_per_m) == 232, "damping_n_s_per_m");
+_Static_assert(offsetof(AXIS_PARAMETERS, forward_loss) == 240, "forward_loss");
+_Static_assert(offsetof(AXIS_PARAMETERS, backward_loss) == 248, "backward_loss");
+_Static_assert(offsetof(AXIS_PARAMETERS, plain) == 256, "plain");
+_Static_assert(offsetof(AXIS_PARAMETERS, step_error_rad) == 264, "step_error_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, current_offset) == 272, "current_offset");
+_Static_assert(offsetof(AXIS_PARAMETERS, increments_per_rad) == 280, "increments_per_rad");
+_Static_assert(offsetof(AXIS_PARAMETERS, loop_substeps) == 288, "loop_substeps");
+_Static_assert(offsetof(AXIS_PARAMETERS, position_gain_rad_s) == 296, "position_gain_rad_s");
+_Static_assert(offsetof(AXIS_PARAMETERS, forward_rad_s) == 304, "forward_rad_s");
+_Static_assert(offsetof(AXIS_PARAMETERS, speed_gain_a_s) == 312, "speed_gain_a_s");
+_Static_assert(offsetof(AXIS_PARAMETERS, integral_share) == 320, "integral_share");
+_Static_assert(offsetof(AXIS_PARAMETERS, peak_a) == 328, "peak_a");
+_Static_assert(offsetof(AXIS_PARAMETERS, rated_a) == 336, "rated_a");
+_Static_assert(offsetof(AXIS_PARAMETERS, lag_limit) == 344, "lag_limit");
+_Static_assert(offsetof(AXIS_PARAMETERS, window) == 352, "window");
+_Static_assert(offsetof(AXIS_PARAMETERS, window_substeps) == 360, "window_substeps");
+_Static_assert(offsetof(AXIS_PARAMETERS, heat_share) == 368, "heat_share");
+_Static_assert(offsetof(AXIS_PARAMETERS, connected) == 376, "connected");
+
+_Static_assert(sizeof(AXIS_PARAMETERS) == 384, "AXIS_PARAMETERS");
+
+#define AXIS_PARAMETERS_FIELDS \
+    FIELD_int64_t(kind) \
+    FIELD_double(microstep_rad) \
+    FIELD_double(phase_offset_rad) \
+    FIELD_double(stepped) \
+    FIELD_double(current_a) \
+    FIELD_double(drive_v) \
+    FIELD_double(return_v) \
+    FIELD_double(fast_share) \
+    FIELD_double(decay) \
+    FIELD_double(gain_a_per_v) \
+    FIELD_double(gain_v_per_a) \
+    FIELD_double(torque_constant_nm_per_a) \
+    FIELD_double(pole_pairs) \
+    FIELD_double(detent_torque_nm) \
+    FIELD_double(iron_nm_s_per_rad) \
+    FIELD_double(iron_knee_s_per_rad) \
+    FIELD_double(damping_gain) \
+    FIELD_double(smooth_share) \
+    FIELD_double(damping_share) \
+    FIELD_double(dt_s) \
+    FIELD_double(kick_rad_s_per_nm) \
+    FIELD_double(inertia_kgm2) \
+    FIELD_double(drag_nm_s_per_rad) \
+    FIELD_double(coulomb_nm) \
+    FIELD_double(stribeck_nm) \
+    FIELD_double(stribeck_rad_s) \
+    FIELD_double(travel_m_per_rad) \
+    FIELD_double(half_backlash_m) \
+    FIELD_double(stiffness_n_per_m) \
+    FIELD_double(damping_n_s_per_m) \
+    FIELD_double(forward_loss) \
+    FIELD_double(backward_loss) \
+    FIELD_double(plain) \
+    FIELD_double(step_error_rad) \
+    FIELD_double(current_offset) \
+    FIELD_double(increments_per_rad) \
+    FIELD_int64_t(loop_substeps) \
+    FIELD_double(position_gain_rad_s) \
+    FIELD_double(forward_rad_s) \
+    FIELD_double(speed_gain_a_s) \
+    FIELD_double(integral_share) \
+    FIELD_double(peak_a) \
+    FIELD_double(rated_a) \
+    FIELD_double(lag_limit) \
+    FIELD_double(window) \
+    FIELD_int64_t(window_substeps) \
+    FIELD_double(heat_share) \
+    FIELD_int64_t(connected)
+
+TEXT layout_AXIS_PARAMETERS = "kind i8 0; microstep_rad f8 8; phase_offset_rad f8 16; stepped f8 24; current_a f8 32; drive_v f8 40; return_v f8 48; fast_share f8 56; decay f8 64; gain_a_per_v f8 72; gain_v_per_a f8 80; torque_constant_nm_per_a f8 88; pole_pairs f8 96; detent_torque_nm f8 104; iron_nm_s_per_rad f8 112; iron_knee_s_per_rad f8 120; damping_gain f8 128; smooth_share f8 136; damping_share f8 144; dt_s f8 152; kick_rad_s_per_nm f8 160; inertia_kgm2 f8 168; drag_nm_s_per_rad f8 176; coulomb_nm f8 184; stribeck_nm f8 192; stribeck_rad_s f8 200; travel_m_per_rad f8 208; half_backlash_m f8 216; stiffness_n_per_m f8 224; damping_n_s_per_m f8 232; forward_loss f8 240; backward_loss f8 248; plain f8 256; step_error_rad f8 264; current_offset f8 272; increments_per_rad f8 280; loop_substeps i8 288; position_gain_rad_s f8 296; forward_rad_s f8 304; speed_gain_a_s f8 312; integral_share f8 320; peak_a f8 328; rated_a f8 336; lag_limit f8 344; window f8 352; window_substeps i8 360; heat_share f8 368; connected i8 376; 384";
+
+typedef struct {
+    double theta_rad;
+    double omega_rad_s;
+    double current_a_a;
+    double current_b_a;
+    double command;
+    double shape_a;
+    double shape_b;
+    double smooth_rad;
+    double lag_rad;
+    double torque_nm;
+    double force_n;
+    int64_t at_rest;
+    int64_t on;
+    int64_t fault;
+    int64_t cause;
+    int64_t faults;
+    int64_t due;
+    double shift;
+    double error;
+    double wanted_a;
+    double integral_rad_s;
+    double sampled;
+    double voltage_v;
+    double heat;
+    int64_t overloaded;
+    int64_t arrived;
+} AXIS_STATE;
+_Static_assert(offsetof(AXIS_STATE, theta_rad) == 0, "theta_rad");
+_Static_assert(offsetof(AXIS_STATE, omega_rad_s) == 8, "omega_rad_s");
+_Static_assert(offsetof(AXIS_STATE, current_a_a) == 16, "current_a_a");
+_Static_assert(offsetof(AXIS_STATE, current_b_a) == 24, "current_b_a");
+_Static_assert(offsetof(AXIS_STATE, command) == 32, "command");
+_Static_assert(offsetof(AXIS_STATE, shape_a) == 40, "shape_a");
+_Static_assert(offsetof(AXIS_STATE, shape_b) == 48, "shape_b");
+_Static_assert(offsetof(AXIS_STATE, smooth_rad) == 56, "smooth_rad");
+_Static_assert(offsetof(AXIS_STATE, lag_rad) == 64, "lag_rad");
+_Static_assert(offsetof(AXIS_STATE, torque_nm) == 72, "torque_nm");
+_Static_assert(offsetof(AXIS_STATE, force_n) == 80, "force_n");
+_Static_assert(offsetof(AXIS_STATE, at_rest) == 88, "at_rest");
+_Static_assert(offsetof(AXIS_STATE, on) == 96, "on");
+_Static_assert(offsetof(AXIS_STATE, fault) == 104, "fault");
+_Static_assert(offsetof(AXIS_STATE, cause) == 112, "cause");
+_Static_assert(offsetof(AXIS_STATE, faults) == 120, "faults");
+_Static_assert(offsetof(AXIS_STATE, due) == 128, "due");
+_Static_assert(offsetof(AXIS_STATE, shift) == 136, "shift");
+_Static_assert(offsetof(AXIS_STATE, error) == 144, "error");
+_Static_assert(offsetof(AXIS_STATE, wanted_a) == 152, "wanted_a");
+_Static_assert(offsetof(AXIS_STATE, integral_rad_s) == 160, "integral_rad_s");
+_Static_assert(offsetof(AXIS_STATE, sampled) == 168, "sampled");
+_Static_assert(offsetof(AXIS_STATE, voltage_v) == 176, "voltage_v");
+_Static_assert(offsetof(AXIS_STATE, heat) == 184, "heat");
+_Static_assert(offsetof(AXIS_STATE, overloaded) == 192, "overloaded");
+_Static_assert(offsetof(AXIS_STATE, arrived) == 200, "arrived");
+
+_Static_assert(sizeof(AXIS_STATE) == 208, "AXIS_STATE");
+
+#define AXIS_STATE_FIELDS \
+    FIELD_double(theta_rad) \
+    FIELD_double(omega_rad_s) \
+    FIELD_double(current_a_a) \
+    FIELD_double(current_b_a) \
+    FIELD_double(command) \
+    FIELD_double(shape_a) \
+    FIELD_double(shape_b) \
+    FIELD_double(smooth_rad) \
+    FIELD_double(lag_rad) \
+    FIELD_double(torque_nm) \
+    FIELD_double(force_n) \
+    FIELD_int64_t(at_rest) \
+    FIELD_int64_t(on) \
+    FIELD_int64_t(fault) \
+    FIELD_int64_t(cause) \
+    FIELD_int64_t(faults) \
+    FIELD_int64_t(due) \
+    FIELD_double(shift) \
+    FIELD_double(error) \
+    FIELD_double(wanted_a) \
+    FIELD_double(integral_rad_s) \
+    FIELD_double(sampled) \
+    FIELD_double(voltage_v) \
+    FIELD_double(heat) \
+    FIELD_int64_t(overloaded) \
+    FIELD_int64_t(arrived)
+
+TEXT layout_AXIS_STATE = "theta_rad f8 0; omega_rad_s f8 8; current_a_a f8 16; current_b_a f8 24; command f8 32; shape_a f8 40; shape_b f8 48; smooth_rad f8 56; lag_rad f8 64; torque_nm f8 72; force_n f8 80; at_rest i8 88; on i8 96; fault i8 104; cause i8 112; faults i8 120; due i8 128; shift f8 136; error f8 144; wanted_a f8 152; integral_rad_s f8 160; sampled f8 168; voltage_v f8 176; heat f8 184; overloaded i8 192; arrived i8 200; 208";
+
+typedef struct {
+    int64_t on;
+    int64_t broken;
+    int64_t at;
+    double radius_m;
+    double below_m;
+    double pretravel_m;
+    double lobing_m;
+    double over_m;
+    double force_n;
+    double force_z_n;
+    double rate_n_per_m;
+    double deflected_m;
+    double push_n[3];
+    double sum_n[3];
+    double mean_n[3];
+} FEELER;
+_Static_assert(offsetof(FEELER, on) == 0, "on");
+_Static_assert(offsetof(FEELER, broken) == 8, "broken");
+_Static_assert(offsetof(FEELER, at) == 16, "at");
+_Static_assert(offsetof(FEELER, radius_m) == 24, "radius_m");
+_Static_assert(offsetof(FEELER, below_m) == 32, "below_m");
+_Static_assert(offsetof(FEELER, pretravel_m) == 40, "pretravel_m");
+_Static_assert(offsetof(FEELER, lobing_m) == 48, "lobing_m");
+_Static_assert(offsetof(FEELER, over_m) == 56, "over_m");
+_Static_assert(offsetof(FEELER, force_n) == 64, "force_n");
+_Static_assert(offsetof(FEELER, force_z_n) == 72, "force_z_n");
+_Static_assert(offsetof(FEELER, rate_n_per_m) == 80, "rate_n_per_m");
+_Static_assert(offsetof(FEELER, deflected_m) == 88, "deflected_m");
+_Static_assert(offsetof(FEELER, push_n) == 96, "push_n");
+_Static_assert(offsetof(FEELER, sum_n) == 120, "sum_n");
+_Static_assert(offsetof(FEELER, mean_n) == 144, "mean_n");
+
+_Static_assert(sizeof(FEELER) == 168, "FEELER");
+
+TEXT layout_FEELER = "on i8 0; broken i8 8; at i8 16; radius_m f8 24; below_m f8 32; pretravel_m f8 40; lobing_m f8 48; over_m f8 56; force_n f8 64; force_z_n f8 72; rate_n_per_m f8 80; deflected_m f8 88; push_n ('<f8', (3,)) 96; sum_n ('<f8', (3,)) 120; mean_n ('<f8', (3,)) 144; 168";
+
+typedef struct {
+    int64_t kind;
+    double x_m;
+    double y_m;
+    double z_m;
+    double a_m;
+    double b_m;
+    double c_m;
+    double cosine;
+    double sine;
+} TARGET;
+_Static_assert(offsetof(TARGET, kind) == 0, "kind");
+_Static_assert(offsetof(TARGET, x_m) == 8, "x_m");
+_Static_assert(offsetof(TARGET, y_m) == 16, "y_m");
+_Static_assert(offsetof(TARGET, z_m) == 24, "z_m");
+_Static_assert(offsetof(TARGET, a_m) == 32, "a_m");
+_Static_assert(offsetof(TARGET, b_m) == 40, "b_m");
+_Static_assert(offsetof(TARGET, c_m) == 48, "c_m");
+_Static_assert(offsetof(TARGET, cosine) == 56, "cosine");
+_Static_assert(offsetof(TARGET, sine) == 64, "sine");
+
+_Static_assert(sizeof(TARGET) == 72, "TARGET");
+
+TEXT layout_TARGET = "kind i8 0; x_m f8 8; y_m f8 16; z_m f8 24; a_m f8 32; b_m f8 40; c_m f8 48; cosine f8 56; sine f8 64; 72";
 
 typedef struct {
     PLANT *plant;

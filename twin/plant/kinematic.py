@@ -24,9 +24,10 @@ from isel_twin.base.axes import CARRIAGES
 from isel_twin.base.units import SECOND_NS
 from isel_twin.drives.servo_drive import ServoDrive
 from isel_twin.machine import Machine
+from isel_twin.native import core
 from isel_twin.plant import Along as WayAlong
 from isel_twin.plant import Collision, Threshold
-from isel_twin.plant.following import bounds, lead_on, make_steps, places_on_the_way
+from isel_twin.plant.following import SWITCH, places_on_the_way
 from isel_twin.plant.ideal import IdealDrives
 from isel_twin.plant.lead import all_behind, no_leads
 from isel_twin.plant.path_samples import PathSamples
@@ -108,25 +109,19 @@ class KinematicPlant(IdealDrives, PathSamples):
         self._places = np.flatnonzero([t.quantity == "position" for t in thresholds])  # of switches among thresholds
         self._only_places = len(self._places) == len(self._passed)
         switches = [self._thresholds[place] for place in self._places]
-        self._strike = np.empty(len(switches))
-        self._release = np.empty(len(switches))
-        self._struck = np.zeros(len(switches), dtype=np.bool_)
+        self._switches = np.zeros(len(switches), SWITCH)
+        self._switches["axis"] = [switch.axis for switch in switches]
+        self._switches["sense"] = [switch.sense for switch in switches]
         for number, place in enumerate(self._places):
             self.set_trip_point(int(place), switches[number].limit)
-            self._struck[number] = self._strike[number] < 0.0
-        self._bounds: tuple[list[int], list[int]] | None = None  # `bounds`, until a switch changes
-        self._scratch = np.empty((3, len(self._commanded)), dtype=np.int64)  # for `make_steps`
-        self._state = (
-            self._commanded,
-            self._leads,
-            np.array([switch.axis for switch in switches], dtype=np.int64),
-            np.array([switch.sense for switch in switches], dtype=np.int64),
-            self._strike,
-            self._release,
-            self._struck,
-        )
+        self._switches["struck"] = self._switches["strike"] < 0.0
+        self._bounds: tuple[list[int], list[int]] | None = None  # counts between which no switch changes
+        self._scratch = np.empty((3, len(self._commanded)), dtype=np.int64)
+        self._reached_ns = np.empty(1, dtype=np.int64)
 
     def advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int = 0) -> int:
+        if len(t_ns) != len(delta) or delta.shape[1] > len(self._commanded):
+            raise ValueError(f"{len(t_ns)} ticks with changes {delta.shape} for {len(self._commanded)} axes")
         if self._sample_ns > until_ns:
             return self._advance(until_ns, t_ns, delta, lead_ns)
         if not len(t_ns) and self.at_rest and not self._along:
@@ -150,8 +145,8 @@ class KinematicPlant(IdealDrives, PathSamples):
         if self._along or self._felt or self._led_until_ns > self.time_ns:
             return None
         if self._bounds is None:
-            low, high = self._scratch[:2]
-            bounds.py_func(low, high, *self._state[2:])
+            low, high, _ = self._scratch
+            core.switch_bounds(low, high, self._switches)
             self._bounds = low.tolist(), high.tolist()
         now = self._commanded.tolist()
         below, above = list(map(sub, self._bounds[0], now)), list(map(sub, self._bounds[1], now))
@@ -166,11 +161,11 @@ class KinematicPlant(IdealDrives, PathSamples):
         self.edge, self.time_ns = False, until_ns
         if all(map(lt, self._bounds[0], there)) and all(map(lt, there, self._bounds[1])):
             return
-        _, _, axis, sense, strike, release, struck = self._state
-        beyond = sense * self._commanded[axis] > np.where(struck, release, strike)
-        self.edge = bool((beyond != struck).any())
+        of = self._switches
+        beyond = of["sense"] * self._commanded[of["axis"]] > np.where(of["struck"], of["release"], of["strike"])
+        self.edge = bool((beyond != of["struck"]).any())
         if self.edge:
-            struck[...] = beyond
+            of["struck"] = beyond
             self._bounds = None
 
     def _advance(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
@@ -254,7 +249,8 @@ class KinematicPlant(IdealDrives, PathSamples):
         from isel_twin.plant.contact import fine
 
         times_ns, places = places_on_the_way(
-            *(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), delta.astype(np.int32)),
+            *(self.time_ns, until_ns, lead_ns),
+            *(np.ascontiguousarray(t_ns, dtype=np.int64), np.ascontiguousarray(delta, dtype=np.int32)),
             *(self._commanded.copy(), self._leads.copy()),
         )
         times, path_mm = fine(times_ns, self._start_mm + places[:, :3] * self._step_mm)
@@ -278,32 +274,33 @@ class KinematicPlant(IdealDrives, PathSamples):
         return self._least
 
     def _move(self, until_ns: int, t_ns: NDArray[np.int64], delta: NDArray[Any], lead_ns: int) -> int:
-        if lead_ns == 0 and self._led_until_ns <= self.time_ns:
-            if len(t_ns) == 0:  # nothing moves: no compiled code is loaded for that
-                self.edge, self.time_ns = False, until_ns
-                return until_ns
-            made = make_steps(t_ns, delta, *self._state, self._scratch)
-            self.edge = made < 0
-            if self.edge:
-                self._bounds = None
-            self.time_ns = int(t_ns[-made - 1]) if self.edge else until_ns
-            return self.time_ns
-        struck = self._struck.copy()
-        wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
-        made, self.time_ns = lead_on(self.time_ns, until_ns, lead_ns, t_ns.astype(np.int64), wide, *self._state)
-        self._led_until_ns = int(self._leads["end_ns"].max())
-        if lead_ns:
-            self._settling.lead(t_ns[:made], delta[:made], lead_ns)
-        self.edge = bool((struck != self._struck).any())
+        unled = lead_ns == 0 and self._led_until_ns <= self.time_ns
+        if unled and len(t_ns) == 0:
+            self.edge, self.time_ns = False, until_ns
+            return until_ns
+        t_ns, reached = np.ascontiguousarray(t_ns, dtype=np.int64), self._reached_ns
+        of = self._commanded, self._leads, self._switches
+        if unled and delta.dtype == np.int8:
+            steps = np.ascontiguousarray(delta)
+            self.edge = bool(core.make_steps(until_ns, t_ns, steps, *of, self._scratch, reached))
+            self.time_ns = int(reached[0])
+        else:
+            wide = np.ascontiguousarray(delta, dtype=np.int32)  # one function for all kinds of ticks
+            self.edge = bool(core.lead_on(self.time_ns, until_ns, lead_ns, t_ns, wide, *of, reached))
+            self.time_ns = int(reached[0])
+            self._led_until_ns = int(self._leads["end_ns"].max())
+            if lead_ns:
+                made = int(t_ns.searchsorted(self.time_ns, side="right")) if self.edge else len(t_ns)
+                self._settling.lead(t_ns[:made], delta[:made], lead_ns)
         if self.edge:
             self._bounds = None
         return self.time_ns
 
     def trips(self) -> NDArray[np.bool_]:
         if self._only_places:
-            return self._struck.copy()
+            return self._switches["struck"].astype(np.bool_)
         passed = self._passed.copy()
-        passed[self._places] = self._struck
+        passed[self._places] = self._switches["struck"]
         return passed
 
     def set_power(self, stages: bool, brake_released: bool, lowering: bool) -> None:
@@ -320,8 +317,9 @@ class KinematicPlant(IdealDrives, PathSamples):
             raise ValueError(f"threshold {threshold} is a {switch.quantity}, not a position")
         number = int(np.searchsorted(self._places, threshold))
         step_mm, start_mm = self._step_mm[switch.axis], self._start_mm[switch.axis]
-        self._strike[number] = switch.sense * (position_mm - start_mm) / step_mm
-        self._release[number] = self._strike[number] - switch.hysteresis / step_mm
+        strike = switch.sense * (position_mm - start_mm) / step_mm
+        self._switches["strike"][number] = strike
+        self._switches["release"][number] = strike - switch.hysteresis / step_mm
         self._bounds = None
 
     @property
@@ -397,8 +395,8 @@ class KinematicPlant(IdealDrives, PathSamples):
 
     @property
     def _kept(self) -> tuple[NDArray[Any], ...]:
-        """Arrays that change; the compiled functions hold them, so never replace one."""
-        return (self._start_mm, self._passed, self._commanded, self._leads, self._strike, self._release, self._struck)
+        """Arrays that change."""
+        return self._start_mm, self._passed, self._commanded, self._leads, self._switches
 
     def _speed(self) -> NDArray[np.float64]:
         """Zero for an axis that jumps from step to step."""

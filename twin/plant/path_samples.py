@@ -1,4 +1,4 @@
-"""Samples of a plant without physics: taken of each stretch of the path when it has been made, in one compiled call.
+"""Samples of a plant without physics: taken of each stretch of the path when it has been made, in one call of C.
 
 ticks    | || |  | | ||     |        before           the state before the stretch
 samples     x        x        x      time_ns <= t     all ticks up to a time of the grid have been made at it
@@ -13,41 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base import units
 from isel_twin.base.axes import CARRIAGES
-from isel_twin.base.compiling import contains, njit
-from isel_twin.base.units import SECOND_NS
-from isel_twin.plant import MOST_SAMPLES, Along, Samples, lead
-from isel_twin.plant.lead import begin, behind
+from isel_twin.native import core
+from isel_twin.plant import MOST_SAMPLES, Along, Samples
 
 _NEVER_NS = 1 << 62
-
-
-@njit()
-def commands_at(times_ns, lead_ns, t_ns, delta, commanded, leads, counts, left, speeds):
-    """Fill in counts int64 [n, axes], and float64 [n, axes]: what is behind them, speeds in microsteps/s; at rising
-    times [n].
-
-    commanded, leads: copies of the state before the first tick, which change.
-    """
-    axes = leads.shape[0]
-    made = 0
-    for n in range(times_ns.shape[0]):
-        now_ns = times_ns[n]
-        while made < t_ns.shape[0] and t_ns[made] <= now_ns:
-            for i in range(delta.shape[1]):
-                change = delta[made, i]
-                commanded[i] += change
-                if lead_ns > 0 and change != 0:
-                    begin(leads[i], t_ns[made], change, lead_ns)
-            made += 1
-        for i in range(axes):
-            counts[n, i] = commanded[i]
-            left[n, i] = behind(leads[i], now_ns)
-            speeds[n, i] = leads[i].pending * SECOND_NS / leads[i].lead_ns if leads[i].end_ns > now_ns else 0.0
-
-
-contains(__name__, lead.__file__, units.__file__)
 
 
 class PathSamples:
@@ -131,10 +101,10 @@ class PathSamples:
             moves_until_ns = max(moves_until_ns, int(t_ns[-1]) + lead_ns)
         rest_ns = first_ns + max(-((first_ns - moves_until_ns) // every_ns), 0) * every_ns  # first of the grid at rest
         times_ns = self._times_ns(self.time_ns, rest_ns)
-        wide = delta.astype(np.int32)  # one compiled function for all kinds of ticks
+        wide = np.ascontiguousarray(delta, dtype=np.int32)  # one function for all kinds of ticks
         shape = len(times_ns), len(self._leads)
         found = np.empty(shape, np.int64), np.empty(shape), np.empty(shape)
-        commands_at(times_ns, lead_ns, t_ns.astype(np.int64), wide, *before, *found)
+        core.commands_at(times_ns, lead_ns, np.ascontiguousarray(t_ns, dtype=np.int64), wide, *before, *found)
         self._take(times_ns, *found)
 
     def _sample_straight(self, until_ns: int, along: Along | None = None) -> None:

@@ -21,14 +21,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.motion.joined import Joined, joined
 from isel_twin.motion.pieces import Pieces, chain
+from isel_twin.native import core, record
 
 AXES = 6  # slots 0 to 5; a displacement has one number for each
 PERIOD_NS = 4_000_000  # set points leave every 4 ms (1.2)
@@ -39,7 +38,18 @@ STRAIGHT = 1e-9  # change of direction that counts as none: rounding of two move
 RIGHT_ANGLE_DEG = 90.0
 FULL_RATIO = 65535.0
 MOST_OVERRIDE = 125.0  # "Erhöht um 25 %" (3.1.1 f)
-NOWHERE = Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
+GMI99_RULES = record(
+    "GMI99_RULES",
+    [
+        ("ratio", "f8", AXES),
+        ("influence", "i8", AXES),
+        ("speed_hz", "f8", AXES + 1),  # of the leading axis, then of slots
+        ("acceleration_hz_per_s", "f8", AXES + 1),
+        ("tool_speed", "i8"),
+        ("jump_hz", "f8"),
+        ("sharp_jump_hz", "f8"),
+    ],
+)
 
 
 @dataclass(frozen=True)
@@ -62,14 +72,14 @@ class Rules:
     free_circles: bool = False
 
     @cached_property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """Ratios and influence of slots; speeds in Hz and accelerations in Hz/s of the leading axis, then of slots."""
-        return (
-            np.array(self.ratio) / FULL_RATIO,
-            np.array(self.influence, dtype=np.bool_),
-            np.array(self.speed_hz, dtype=np.float64),
-            np.array(self.acceleration_hz_per_ms) * 1000.0,
-        )
+    def in_c(self) -> NDArray[np.void]:
+        """GMI99_RULES [1]."""
+        found = np.zeros(1, GMI99_RULES)
+        found["ratio"] = np.array(self.ratio) / FULL_RATIO
+        found["acceleration_hz_per_s"] = np.array(self.acceleration_hz_per_ms) * 1000.0
+        for name in ("influence", "speed_hz", "tool_speed", "jump_hz", "sharp_jump_hz"):
+            found[name] = getattr(self, name)
+        return found
 
 
 @dataclass(frozen=True)
@@ -140,68 +150,21 @@ def straight(
     n = len(way)
     length, limit, acceleration, per_path = np.empty(n), np.empty(n), np.empty(n), np.empty((n, AXES))
     shortest = np.full(n, SHORTEST_S) if shortest_s is None else shortest_s
-    _limits(way, *rules.arrays, rules.tool_speed, shortest, length, limit, acceleration, per_path)
+    core.gmi99_limits(way, rules.in_c, shortest, length, limit, acceleration, per_path)
     entry = np.full(n, math.inf)
     if corners and n > 1:
-        _corners_hz(per_path, rules.jump_hz, rules.sharp_jump_hz, entry)
+        core.gmi99_corners(per_path, rules.in_c, entry)
     pieces = Pieces(way, length, np.full(n, float(wanted)), limit, acceleration, entry)
     if not n:
         return PreparedMove(pieces, None, None)
     return PreparedMove(pieces, Heading(tuple(per_path[0].tolist())), Heading(tuple(per_path[-1].tolist())))
 
 
-@njit(nogil=True, error_model="numpy")
-def _limits(way, ratio, influence, top, steepest, tool_speed, shortest_s, length, limit, acceleration, per_path):
-    """Length of each piece, its highest speed and acceleration, its effective increments per path (module
-    docstring)."""
-    for j in range(way.shape[0]):
-        square, longest, plain = 0.0, 0.0, 0.0
-        for slot in range(way.shape[1]):
-            effective = way[j, slot] * ratio[slot]
-            per_path[j, slot] = effective
-            square += effective * effective if influence[slot] else 0.0
-            longest, plain = max(longest, abs(effective)), max(plain, abs(way[j, slot]))
-        if tool_speed:
-            length[j] = math.sqrt(square) if square > 0.0 else longest
-        else:
-            length[j] = plain
-        limit[j], acceleration[j] = min(top[0], length[j] / shortest_s[j]), steepest[0]
-        for slot in range(way.shape[1]):
-            per_path[j, slot] /= length[j]
-            share = abs(per_path[j, slot])
-            if share > 0.0:
-                limit[j] = min(limit[j], top[slot + 1] / share)
-                acceleration[j] = min(acceleration[j], steepest[slot + 1] / share)
-
-
 def corner_hz(before: Heading, after: Heading, rules: Rules) -> float:
     """Highest path speed at the corner from one direction to the other; inf if equal."""
     entry = np.full(2, math.inf)
-    _corners_hz(np.array([before.per_path, after.per_path]), rules.jump_hz, rules.sharp_jump_hz, entry)
+    core.gmi99_corners(np.array([before.per_path, after.per_path]), rules.in_c, entry)
     return float(entry[1])
-
-
-@njit(nogil=True, error_model="numpy")
-def _corners_hz(per_path, jump_hz, sharp_hz, entry):
-    """entry[j]: highest speed from the direction in row j - 1 into that of row j; not of row 0."""
-    for j in range(1, per_path.shape[0]):
-        before, after = per_path[j - 1], per_path[j]
-        a, b = 0.0, 0.0
-        for slot in range(per_path.shape[1]):
-            a += before[slot] * before[slot]
-            b += after[slot] * after[slot]
-        a, b = math.sqrt(a), math.sqrt(b)
-        apart, along, change = 0.0, 0.0, 0.0
-        for slot in range(per_path.shape[1]):
-            apart += (before[slot] / a - after[slot] / b) ** 2
-            along += (before[slot] / a + after[slot] / b) ** 2
-            change = max(change, abs(before[slot] - after[slot]))
-        if change > STRAIGHT:
-            angle_deg = math.degrees(2.0 * math.atan2(math.sqrt(apart), math.sqrt(along)))
-            part = min(angle_deg / RIGHT_ANGLE_DEG, 1.0)
-            entry[j] = (jump_hz + (min(sharp_hz, jump_hz) - jump_hz) * part) / change
-        else:
-            entry[j] = math.inf
 
 
 def start(
@@ -235,4 +198,4 @@ def _together(moves: Sequence[PreparedMove], rules: Rules, heading: Heading | No
             pieces = replace(pieces, entry=entry)
         parts.append(pieces)
         heading = move.last
-    return chain(parts) if parts else NOWHERE
+    return chain(parts) if parts else Pieces(np.empty((0, AXES)), *(np.empty(0),) * 5)
