@@ -7,9 +7,10 @@
     a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
 
 Goal: to find what no test looks at. Each mutant is written into a copy of the package, so the working tree stays as it
-is; of C a library is built. The tests of its module (those named after it, those that import it, those of its folder or controller, in this
-order) run in a process of their own to the first that fails; slow ones are left out. A mutant is noticed if that test
-passes without the change. A line for each is printed: the place, the change and the test that noticed.
+is; of C a library is built. The tests of its module (those named after it, those that import it, those of its folder
+or controller, in this order) run in a process of their own to the first that fails; slow ones are left out. A mutant
+is noticed if that test passes without the change. A line for each is printed: the place, the change and the test that
+noticed.
 """
 
 from __future__ import annotations
@@ -201,10 +202,8 @@ def main() -> int:
     call = parser.parse_args()
     folders = [call.modules.resolve()] if call.modules else [ROOT / name for name in PLACES]
     generated = "records.h", "exports.h"
-    inside = [
-        [file for kind in ("*.py", "*.[ch]") for file in place.rglob(kind)] for place in folders if place.is_dir()
-    ]
-    files = sorted({*(place for place in folders if place.is_file()), *itertools.chain(*inside)})
+    inside = (place.rglob(kind) if place.is_dir() else [place] for place in folders for kind in ("*.py", "*.[ch]"))
+    files = sorted(set(itertools.chain(*inside)))
     work = [(file, n) for file in files if file.name not in generated for n in range(number_of_places(file))]
     if call.sample:
         work = random.Random(call.seed).sample(work, min(call.sample, len(work)))
