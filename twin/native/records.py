@@ -9,7 +9,7 @@ from isel_twin.native.library import POINTED, RECORDS, layout
 
 MODULES = (  # these import all others
     "isel_twin.capture.table", "isel_twin.envs.tracking", "isel_twin.firmware.gmi99.planner",
-    "isel_twin.motion.look_ahead", "isel_twin.motion.time_law", "isel_twin.plant.following", "isel_twin.plant.memory",
+    "isel_twin.motion.look_ahead", "isel_twin.motion.time_law", "isel_twin.plant.built", "isel_twin.plant.following",
 )  # fmt: skip
 # numbers that C has by the same name
 NUMBERS = {
