@@ -133,6 +133,10 @@ hunt: $(READY)       ## random worlds, each from a seed: HUNT=1000 of them, or H
 conformance: $(READY) ## every observable statement of the manuals, and the tests that show it
 	$(BIN)/python -m tests.conformance.report
 
+.PHONY: sanitize
+sanitize: $(READY)   ## tests of the compiled core with AddressSanitizer and UBSan, if gcc has them; says so if not
+	@$(BIN)/python -m tests.sanitize
+
 .PHONY: mutants
 MUTANTS ?= 100
 SEED ?= 1

@@ -7,9 +7,10 @@
     a < b -> a <= b    == -> !=    not a -> a    and -> or    3 -> 4    +  -> -    statement -> pass
 
 Goal: to find what no test looks at. Each mutant is written into a copy of the package, so the working tree stays as it
-is. The tests of its module (those named after it, those that import it, those of its folder or controller, in this
-order) run in a process of their own to the first that fails; slow ones are left out. A mutant is noticed if that test
-passes without the change. A line for each is printed: the place, the change and the test that noticed.
+is; of C a library is built. The tests of its module (those named after it, those that import it, those of its folder
+or controller, in this order) run in a process of their own to the first that fails; slow ones are left out. A mutant
+is noticed if that test passes without the change. A line for each is printed: the place, the change and the test that
+noticed.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from isel_twin.native import compiling
+
 ROOT = Path(__file__).parents[1]
 PLACES = {"twin": "", "bridge": "bridge", "envs": "envs", "models": "models"}  # folders, and where they are installed
 ENDLESS_S = 100
@@ -38,6 +41,11 @@ TIME = "the time"
 COMPARED = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 COMPARED |= {ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In}
 CALCULATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult}
+
+IN_C = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&"}
+IN_C |= {"+": "-", "-": "+", "*": "/", "/": "*"}
+_WORD_OF_C = re.compile(r"(?<= )(?:[<>=!]=|[<>]|&&|[|]{2}|[-+*/])(?= )|(?<![\w.])[0-9]+(?![\w.])")
+_NOT_C = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\])*"|^#[^\n]*', re.DOTALL | re.MULTILINE)
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -77,6 +85,41 @@ def mutated(source: str, number: int) -> tuple[int, str, str]:
     return getattr(node, "lineno", 0), what, ast.unparse(ast.fix_missing_locations(tree))
 
 
+def places_in_c(source: str) -> Iterator[tuple[int, str, str]]:
+    """Place, word and what may stand there, for each mutation of a C file: operators between blanks, whole numbers."""
+    code = _NOT_C.sub(lambda text: " " * len(text[0]), source)
+    for word in _WORD_OF_C.finditer(code):
+        old = word[0]
+        for new in (IN_C[old],) if old in IN_C else (str(int(old) + 1), str(int(old) - 1)):
+            yield word.start(), old, new
+
+
+def mutated_in_c(source: str, number: int) -> tuple[int, str, str]:
+    """The same of a C file as `mutated`."""
+    place, old, new = next(itertools.islice(places_in_c(source), number, None))
+    line = source.count("\n", 0, place)
+    what = f"{source.splitlines()[line].strip()}:  {old}  ->  {new}"
+    return line + 1, what, source[:place] + new + source[place + len(old) :]
+
+
+def core_of(folder: Path, file: Path, text: str) -> Path | None:
+    """The library with this text in the place of a C file, built in a folder; None if it cannot be compiled."""
+    tree = folder / "tree"
+    for source in (ROOT / "pyproject.toml", ROOT / "twin/native/compiling.py", *compiling.sources()):
+        target = tree / source.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(source, target)
+    (tree / file.relative_to(ROOT)).write_text(text, "utf-8")
+    build = [sys.executable, str(tree / "twin/native/compiling.py")]
+    done = subprocess.run(build, capture_output=True, text=True, check=False)
+    return None if done.returncode else Path(done.stdout.strip())
+
+
+def number_of_places(file: Path) -> int:
+    source = file.read_text("utf-8")
+    return sum(1 for _ in (places(ast.parse(source)) if file.suffix == ".py" else places_in_c(source)))
+
+
 def put(parent: ast.AST, name: str, index: int | None, node: ast.AST) -> None:
     """Replace a child."""
     if index is None:
@@ -111,11 +154,15 @@ def tests_of(file: Path) -> list[str]:
     return [test for *_, test in sorted(ranked)] or ["tests/test_twin.py"]
 
 
-def first_failure(package: Path, tests: list[str], limit_s: float) -> str | None:
-    """The first test that fails with this copy of the package, TIME if none has by then; None if all pass."""
+def first_failure(package: Path, tests: list[str], limit_s: float, core: Path | None = None) -> str | None:
+    """The first test that fails with this copy of the package and this core, by default its own; TIME if none has by
+    then; None if all pass."""
     command = [sys.executable, "-m", "pytest", "-xqrfE", "-m", "not slow", "-p", "no:cacheprovider"]
     command += [f"--timeout={ENDLESS_S}", *tests]
     environment = os.environ | {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    if core is not None:
+        environment["ISEL_TWIN_CORE"] = str(core)
+        command.append("--timeout-method=thread")  # a signal does not end a loop in C
     with subprocess.Popen(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         start_new_session=True,
@@ -154,12 +201,15 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=900.0, help="for the tests of one mutant; later: undecided")
     call = parser.parse_args()
     folders = [call.modules.resolve()] if call.modules else [ROOT / name for name in PLACES]
-    files = sorted(file for place in folders for file in (place.rglob("*.py") if place.is_dir() else [place]))
-    work = [(file, n) for file in files for n, _ in enumerate(places(ast.parse(file.read_text("utf-8"))))]
+    generated = "records.h", "exports.h"
+    inside = (place.rglob(kind) if place.is_dir() else [place] for place in folders for kind in ("*.py", "*.[ch]"))
+    files = sorted(set(itertools.chain(*inside)))
+    work = [(file, n) for file in files if file.name not in generated for n in range(number_of_places(file))]
     if call.sample:
         work = random.Random(call.seed).sample(work, min(call.sample, len(work)))
     tests = {file: call.tests or tests_of(file) for file, _ in work}
     work.sort(key=lambda mutant: (len(tests[mutant[0]]), mutant))  # short ones first
+    compiling.library()  # the copy has that of the present C
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder) / "isel_twin"
         for name, inside in PLACES.items():
@@ -167,13 +217,22 @@ def main() -> int:
         counted: Counter[str] = Counter()
         for file, number in work:
             source = file.read_text("utf-8")
-            line, what, text = mutated(source, number)
-            write(package, file, text)
-            failed = first_failure(package, tests[file], call.seconds)
-            if failed is None or failed == TIME:
+            if file.suffix == ".py":
+                line, what, text = mutated(source, number)
+                write(package, file, text)
+                failed = first_failure(package, tests[file], call.seconds)
+                same = ast.unparse(ast.parse(source))
+            else:
+                line, what, text = mutated_in_c(source, number)
+                core = core_of(Path(folder), file, text)
+                failed = first_failure(package, tests[file], call.seconds, core) if core else "the compiler"
+                same = source
+            if failed == "the compiler":
+                result = "noticed"
+            elif failed is None or failed == TIME:
                 result = "undecided" if failed else "survived"
             else:
-                write(package, file, ast.unparse(ast.parse(source)))  # as the mutant is written, without the change
+                write(package, file, same)  # as the mutant is written, without the change
                 again = first_failure(package, [failed] if "::" in failed else tests[file], call.seconds)
                 result = "fails without a mutation" if again else "noticed"
             write(package, file, None)

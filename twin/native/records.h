@@ -499,23 +499,6 @@ _Static_assert(sizeof(GMI99_RULES) == 232, "GMI99_RULES");
 TEXT layout_GMI99_RULES = "ratio ('<f8', (6,)) 0; influence ('<i8', (6,)) 48; speed_hz ('<f8', (7,)) 96; acceleration_hz_per_s ('<f8', (7,)) 152; tool_speed i8 208; jump_hz f8 216; sharp_jump_hz f8 224; 232";
 
 typedef struct {
-    int64_t axis;
-    int64_t sense;
-    double strike;
-    double release;
-    int64_t struck;
-} SWITCH;
-_Static_assert(offsetof(SWITCH, axis) == 0, "axis");
-_Static_assert(offsetof(SWITCH, sense) == 8, "sense");
-_Static_assert(offsetof(SWITCH, strike) == 16, "strike");
-_Static_assert(offsetof(SWITCH, release) == 24, "release");
-_Static_assert(offsetof(SWITCH, struck) == 32, "struck");
-
-_Static_assert(sizeof(SWITCH) == 40, "SWITCH");
-
-TEXT layout_SWITCH = "axis i8 0; sense i8 8; strike f8 16; release f8 24; struck i8 32; 40";
-
-typedef struct {
     int64_t kind;
     double microstep_rad;
     double phase_offset_rad;
@@ -816,6 +799,123 @@ _Static_assert(offsetof(TARGET, sine) == 64, "sine");
 _Static_assert(sizeof(TARGET) == 72, "TARGET");
 
 TEXT layout_TARGET = "kind i8 0; x_m f8 8; y_m f8 16; z_m f8 24; a_m f8 32; b_m f8 40; c_m f8 48; cosine f8 56; sine f8 64; 72";
+
+typedef struct {
+    int64_t on;
+    int64_t gate;
+    int64_t steady;
+    double voltage_v;
+    double source_v;
+    double source_ohm;
+    double charge_decay;
+    double window_s;
+    double capacitance_f;
+    double chopper_v;
+    double chopper_ohm;
+    double undervoltage_v;
+    double release_v;
+    double energy_j;
+    double mean_j;
+    double magnetic_j;
+    double drawn_j;
+    double dumped_j;
+} SUPPLY;
+_Static_assert(offsetof(SUPPLY, on) == 0, "on");
+_Static_assert(offsetof(SUPPLY, gate) == 8, "gate");
+_Static_assert(offsetof(SUPPLY, steady) == 16, "steady");
+_Static_assert(offsetof(SUPPLY, voltage_v) == 24, "voltage_v");
+_Static_assert(offsetof(SUPPLY, source_v) == 32, "source_v");
+_Static_assert(offsetof(SUPPLY, source_ohm) == 40, "source_ohm");
+_Static_assert(offsetof(SUPPLY, charge_decay) == 48, "charge_decay");
+_Static_assert(offsetof(SUPPLY, window_s) == 56, "window_s");
+_Static_assert(offsetof(SUPPLY, capacitance_f) == 64, "capacitance_f");
+_Static_assert(offsetof(SUPPLY, chopper_v) == 72, "chopper_v");
+_Static_assert(offsetof(SUPPLY, chopper_ohm) == 80, "chopper_ohm");
+_Static_assert(offsetof(SUPPLY, undervoltage_v) == 88, "undervoltage_v");
+_Static_assert(offsetof(SUPPLY, release_v) == 96, "release_v");
+_Static_assert(offsetof(SUPPLY, energy_j) == 104, "energy_j");
+_Static_assert(offsetof(SUPPLY, mean_j) == 112, "mean_j");
+_Static_assert(offsetof(SUPPLY, magnetic_j) == 120, "magnetic_j");
+_Static_assert(offsetof(SUPPLY, drawn_j) == 128, "drawn_j");
+_Static_assert(offsetof(SUPPLY, dumped_j) == 136, "dumped_j");
+
+_Static_assert(sizeof(SUPPLY) == 144, "SUPPLY");
+
+TEXT layout_SUPPLY = "on i8 0; gate i8 8; steady i8 16; voltage_v f8 24; source_v f8 32; source_ohm f8 40; charge_decay f8 48; window_s f8 56; capacitance_f f8 64; chopper_v f8 72; chopper_ohm f8 80; undervoltage_v f8 88; release_v f8 96; energy_j f8 104; mean_j f8 112; magnetic_j f8 120; drawn_j f8 128; dumped_j f8 136; 144";
+
+typedef struct {
+    double low_m;
+    double high_m;
+    double rest_n;
+    double spring_n_per_m;
+    double damper_n_s_per_m;
+    double friction_n;
+    double creep_per_s;
+    double stuck_kg;
+    double force_n;
+} JOINT;
+_Static_assert(offsetof(JOINT, low_m) == 0, "low_m");
+_Static_assert(offsetof(JOINT, high_m) == 8, "high_m");
+_Static_assert(offsetof(JOINT, rest_n) == 16, "rest_n");
+_Static_assert(offsetof(JOINT, spring_n_per_m) == 24, "spring_n_per_m");
+_Static_assert(offsetof(JOINT, damper_n_s_per_m) == 32, "damper_n_s_per_m");
+_Static_assert(offsetof(JOINT, friction_n) == 40, "friction_n");
+_Static_assert(offsetof(JOINT, creep_per_s) == 48, "creep_per_s");
+_Static_assert(offsetof(JOINT, stuck_kg) == 56, "stuck_kg");
+_Static_assert(offsetof(JOINT, force_n) == 64, "force_n");
+
+_Static_assert(sizeof(JOINT) == 72, "JOINT");
+
+TEXT layout_JOINT = "low_m f8 0; high_m f8 8; rest_n f8 16; spring_n_per_m f8 24; damper_n_s_per_m f8 32; friction_n f8 40; creep_per_s f8 48; stuck_kg f8 56; force_n f8 64; 72";
+
+typedef struct {
+    double pending;
+    int64_t end_ns;
+    int64_t lead_ns;
+} LEAD;
+_Static_assert(offsetof(LEAD, pending) == 0, "pending");
+_Static_assert(offsetof(LEAD, end_ns) == 8, "end_ns");
+_Static_assert(offsetof(LEAD, lead_ns) == 16, "lead_ns");
+
+_Static_assert(sizeof(LEAD) == 24, "LEAD");
+
+TEXT layout_LEAD = "pending f8 0; end_ns i8 8; lead_ns i8 16; 24";
+
+typedef struct {
+    double start_m;
+    double travel_m_per_rad;
+    double cyclic_m;
+    double soft_m_per_n;
+    double free_m;
+    double rod_n;
+} SCREW;
+_Static_assert(offsetof(SCREW, start_m) == 0, "start_m");
+_Static_assert(offsetof(SCREW, travel_m_per_rad) == 8, "travel_m_per_rad");
+_Static_assert(offsetof(SCREW, cyclic_m) == 16, "cyclic_m");
+_Static_assert(offsetof(SCREW, soft_m_per_n) == 24, "soft_m_per_n");
+_Static_assert(offsetof(SCREW, free_m) == 32, "free_m");
+_Static_assert(offsetof(SCREW, rod_n) == 40, "rod_n");
+
+_Static_assert(sizeof(SCREW) == 48, "SCREW");
+
+TEXT layout_SCREW = "start_m f8 0; travel_m_per_rad f8 8; cyclic_m f8 16; soft_m_per_n f8 24; free_m f8 32; rod_n f8 40; 48";
+
+typedef struct {
+    int64_t axis;
+    int64_t sense;
+    double strike;
+    double release;
+    int64_t struck;
+} SWITCH;
+_Static_assert(offsetof(SWITCH, axis) == 0, "axis");
+_Static_assert(offsetof(SWITCH, sense) == 8, "sense");
+_Static_assert(offsetof(SWITCH, strike) == 16, "strike");
+_Static_assert(offsetof(SWITCH, release) == 24, "release");
+_Static_assert(offsetof(SWITCH, struck) == 32, "struck");
+
+_Static_assert(sizeof(SWITCH) == 40, "SWITCH");
+
+TEXT layout_SWITCH = "axis i8 0; sense i8 8; strike f8 16; release f8 24; struck i8 32; 40";
 
 typedef struct {
     PLANT *plant;

@@ -9,23 +9,22 @@ from isel_twin.native.library import POINTED, RECORDS, layout
 
 MODULES = (  # these import all others
     "isel_twin.capture.table", "isel_twin.envs.tracking", "isel_twin.firmware.gmi99.planner",
-    "isel_twin.motion.look_ahead", "isel_twin.motion.time_law", "isel_twin.plant.following",
-    "isel_twin.plant.memory",
+    "isel_twin.motion.look_ahead", "isel_twin.motion.time_law", "isel_twin.plant.built", "isel_twin.plant.following",
 )  # fmt: skip
 # numbers that C has by the same name
 NUMBERS = {
     "isel_twin.base.units": ("SECOND_NS",),
-    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT",),
-    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END",),
+    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
+    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END"),
     "isel_twin.capture.wave": ("LONGEST_NS",),
     "isel_twin.core.seen": ("SLOW_RAD_S",),
-    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH",),
-    "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT",),
+    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH"),
+    "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
     "isel_twin.drives.servo_drive": ("I2T_BACK",),
-    "isel_twin.drives.shaft": ("STEPPER", "SERVO",),
+    "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
     "isel_twin.drives.stability": ("STATES",),
-    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM",),
-    "isel_twin.firmware.gmi99.planner": ("STRAIGHT", "RIGHT_ANGLE_DEG",),
+    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
+    "isel_twin.firmware.gmi99.planner": ("STRAIGHT", "RIGHT_ANGLE_DEG"),
     "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
     "isel_twin.plant.memory": (
