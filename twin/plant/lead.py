@@ -24,7 +24,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from isel_twin.base.compiling import njit
 from isel_twin.native import record
 
 LEAD = record(
@@ -47,16 +46,3 @@ def all_behind(leads: NDArray[np.void], t_ns: int) -> NDArray[np.float64]:
     left_ns = np.maximum(leads["end_ns"] - t_ns, 0)
     behind_steps: NDArray[np.float64] = leads["pending"] * left_ns / leads["lead_ns"]
     return behind_steps
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def behind(lead, t_ns):
-    """Microsteps still to come at t_ns, which is not before the last tick. Exact if it fits into 53 bits."""
-    return lead.pending * max(lead.end_ns - t_ns, 0) / lead.lead_ns
-
-
-@njit(inner=True, nogil=True, error_model="numpy")
-def begin(lead, t_ns, change, lead_ns):
-    lead.pending = behind(lead, t_ns) + change
-    lead.end_ns = t_ns + lead_ns
-    lead.lead_ns = lead_ns
