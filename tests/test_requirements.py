@@ -40,8 +40,7 @@ GIVEN = {  # by whatever runs that code
 OF_EXAMPLES = {"learn"}  # docs/examples
 LEANED_ON = {
     "mujoco": "addresses of its structures, and where the time step stands in one (twin/plant/native.py)",
-    "numba": "its cache, its compiler and its code library (twin/base/compiled_code.py, lowered.py)",
-    "llvmlite": "numba takes one minor version of it, whose object code is kept (twin/base/object_code.py)",
+    "ziglang": "how its compiler names processors, and that it fuses nothing (twin/native/compiling.py)",
     "pyserial": "the clock of its timeouts is replaced (bridge/virtual/stand_ins.py)",
     "viser": "the server that it starts is replaced (bridge/operate/panel/guarded.py)",
     "websockets": "the same: this is the server",

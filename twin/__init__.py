@@ -50,7 +50,7 @@ if "isel_twin.bridge.virtual" not in serial.protocol_handler_packages:
 
 
 def __getattr__(name: str) -> Any:
-    """Import `Twin` (and with it MuJoCo and numba) only when somebody asks for it."""
+    """Import `Twin` (and with it MuJoCo) only when somebody asks for it."""
     if name == "Twin":
         from isel_twin.core.twin import Twin
 

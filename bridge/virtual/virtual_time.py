@@ -10,6 +10,7 @@ from isel_twin.bridge.virtual.sockets import Network
 from isel_twin.bridge.virtual.stand_ins import replace_all
 from isel_twin.bridge.virtual.turns import Turns
 from isel_twin.bridge.virtual.virtual_serial import Ports, stand_ins
+from isel_twin.native import core
 
 if TYPE_CHECKING:
     from isel_twin.core.twin import Twin
@@ -33,6 +34,5 @@ class VirtualTime(Turns):
         self.network = Network()
 
     def _replace(self) -> Callable[[], None]:
-        import isel_twin.base.compiled_code  # noqa: F401  (numba takes real locks and threads, not those of a host)
-
+        core.load()  # in a checkout it may be compiled: that takes real time, not the host's
         return replace_all(self, stand_ins(self.ports))

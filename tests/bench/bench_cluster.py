@@ -30,7 +30,7 @@ QUIET = {  # docs/sweeps.md
     "MALLOC_TRIM_THRESHOLD_": "268435456",
     "MALLOC_MMAP_THRESHOLD_": "33554432",
 }
-WARM = 12  # rows that each process makes before: after ten it has changed over to numba's own functions (compiling.py)
+WARM = 12  # rows that each process makes before
 TURNS, ROWS = 2, 36  # of each side, one after the other, so that other work troubles both alike
 
 

@@ -15,7 +15,7 @@ from isel_twin.envs import JOB, Settings
 from isel_twin.envs.moves import Setup, referenced_twin
 from isel_twin.envs.tuning import to_action
 from isel_twin.envs.vector import tuning_vector
-from isel_twin.plant import kernel
+from isel_twin.plant.mujoco import MujocoPlant
 
 SETTINGS = Settings(20_000, 400, 300)
 """Good for the whole job, 5.9 s of machine time and 1.2 s at rest."""
@@ -35,18 +35,18 @@ def test_reset(benchmark: Any, plant: str, seed: str) -> None:
 @pytest.mark.benchmark(group="tuning environment")
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_moves(benchmark: Any, plant: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Six moves. What is outside the kernel is measured in CPU time, which other work on the machine leaves alone."""
+    """Six moves. What is outside the plant is measured in CPU time, which other work on the machine leaves alone."""
     env = gymnasium.make(ENVIRONMENT, plant=plant)
     spans, inside_s, whole_s = [], [0.0], []
-    compiled = kernel.advance
+    advance = MujocoPlant.advance
 
     def timed(*arguments: Any) -> Any:
         began_s = time.process_time()
-        made = compiled(*arguments)
+        made = advance(*arguments)
         inside_s[-1] += time.process_time() - began_s
         return made
 
-    monkeypatch.setattr(kernel, "advance", timed)
+    monkeypatch.setattr(MujocoPlant, "advance", timed)
 
     def job() -> None:
         began_s = time.process_time()
@@ -64,7 +64,7 @@ def test_moves(benchmark: Any, plant: str, monkeypatch: pytest.MonkeyPatch) -> N
     benchmark.extra_info["times real time"] = spans[-1] / benchmark.stats.stats.median
     if plant == "mujoco":
         outside = [1.0 - inside / whole for inside, whole in zip(inside_s[1:], whole_s, strict=True)]
-        benchmark.extra_info["share of time outside the kernel"] = float(np.median(outside))
+        benchmark.extra_info["share of time outside the plant"] = float(np.median(outside))
 
 
 @pytest.mark.benchmark(group="tuning environment")

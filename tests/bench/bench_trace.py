@@ -4,8 +4,8 @@
 they come, so the difference is small, whatever the length. The dump (VCD) of an hour, which has a line for each edge,
 is left out.
 
-Targets (docs/performance.md), in CPU time, start included: an hour with its trace at most four times the import of
-numba and MuJoCo; with physics at most twice the run without.
+Targets (docs/performance.md), in CPU time, start included: an hour with its trace at most 7 times the import of
+MuJoCo; with physics at most twice the run without.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ finally:
 @pytest.mark.parametrize("name", ["trace.parquet", "dump.vcd", "report.html"])
 def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: str) -> None:
     """CPU time that an output adds to a run of ten moves, start included: at most half the run beside physics. Where
-    nothing but a counter is computed the run is its start: at most 1.3 times the import of numba and MuJoCo."""
+    nothing but a counter is computed the run is its start: at most 2.6 times the import of MuJoCo."""
     (tmp_path / "job.txt").write_text("@07\n@0R7\n" + MOVES * 5)
     option = f"--{Path(name).suffix[1:].replace('parquet', 'trace').replace('html', 'report')}"
 
@@ -101,4 +101,4 @@ def test_outputs(benchmark: BenchmarkFixture, tmp_path: Path, name: str, plant: 
     benchmark.extra_info["added, over the run"] = both_s / alone_s - 1.0
     benchmark.extra_info["added, over an import"] = (both_s - alone_s) / imports_s
     benchmark.pedantic(cpu_of_run_s, (option, path), rounds=1)
-    assert both_s - alone_s <= (0.5 * alone_s if plant == "mujoco" else 1.3 * imports_s)
+    assert both_s - alone_s <= (0.5 * alone_s if plant == "mujoco" else 2.6 * imports_s)

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba  # noqa: F401  (or the first 15 000 calls of a compiled function would do without it, and take longer)
-
 
 def pytest_terminal_summary(terminalreporter: Any, config: Any) -> None:
     session = getattr(config, "_benchmarksession", None)

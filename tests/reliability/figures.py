@@ -24,7 +24,7 @@ from typing import Any
 
 import serial
 
-__all__ = ["Figure", "Process", "ask", "code_mb", "growth_mb", "main", "resident_mb", "serving", "table"]
+__all__ = ["Figure", "Process", "ask", "growth_mb", "main", "resident_mb", "serving", "table"]
 
 START_S = 300.0
 """Longest wait for a server to listen; the first one may have to compile."""
@@ -116,17 +116,6 @@ def resident_mb(pid: int) -> float:
     """Memory of a process in MB (Linux)."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def code_mb(pid: int | str, library: str) -> float:
-    """Memory of a process, in MB, with the code of libraries whose file is called so (Linux)."""
-    found_kb, counts = 0, False
-    for line in Path(f"/proc/{pid}/smaps").read_text().splitlines():
-        if "-" in line.split()[0]:
-            counts = library in line and line.split()[1] == "r-xp"
-        elif counts and line.startswith("Rss:"):
-            found_kb += int(line.split()[1])
-    return found_kb * 1024 / 1e6
 
 
 def growth_mb(pid: int, work: Callable[[], object]) -> float:

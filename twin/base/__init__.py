@@ -1,1 +1,1 @@
-"""What every room uses: units, axes, values with their place in a file, files, compiled code."""
+"""What every room uses: units, axes, values with their place in a file, files."""
