@@ -62,7 +62,7 @@ def address(array: NDArray[Any]) -> int:
 class Core:
     """The functions of the library, by name; or of that of another C file than core.c."""
 
-    def __init__(self, source: Path = compiling.CORE) -> None:
+    def __init__(self, source: Path | None = None) -> None:
         self._source = source
 
     def __getattr__(self, name: str) -> Any:
