@@ -62,11 +62,13 @@ def address(array: NDArray[Any]) -> int:
 class Core:
     """The functions of the library, by name; or of that of another C file than core.c."""
 
+    abreast: bool  # once it is loaded: three axes go side by side in a register, with the same bits (lanes.h)
+
     def __init__(self, source: Path | None = None) -> None:
         self._source = source
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
+        if name.startswith("_"):
             raise AttributeError(name)
         made = _checked(self._function(name), name, _arguments(self.prototype(name)))
         setattr(self, name, made)
@@ -101,7 +103,7 @@ class Core:
             found = ctypes.CDLL(str(self.path))
         except OSError as error:
             raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
-        if self._source == compiling.CORE:
+        if self._source is None:
             self.abreast = bool(found.has_avx2()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
             ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
         return found
