@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from drives.energy import stored_energy_j
+from drives.axis import rigs
 
 from isel_twin.native import core
 from isel_twin.plant.prepared import Built
@@ -21,7 +21,8 @@ def mechanical_energy_j(built: Built) -> float:
     parts, model, data, dof = built.parts, built.model, built.data, built.dof
     axes, plant, cut, stiffness = parts.axes, parts.plant[0], parts.cut[0], model.jnt_stiffness[model.dof_jntid]
     drives = sum(
-        stored_energy_j(parts.drives[i], parts.states[i], axes["x_m"][i] - axes["zero_m"][i]) for i in range(len(axes))
+        rigs.stored_energy_j(parts.drives[i : i + 1], parts.states[i : i + 1], axes["x_m"][i] - axes["zero_m"][i])
+        for i in range(len(axes))
     )
     rates, went_s = data.qvel.copy(), 0.0
     made = 0 if plant["frozen"] else int(plant["now"] % plant["window"])
