@@ -15,12 +15,12 @@ SCRIPT = re.compile(r"`(?:\w+=\w+ )?bash (tests/interop/\w+\.sh)`")
 PROGRAMS = re.findall(
     r"\S+",
     """
-    Altium Autodesk Chromium com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam Firefox FlatCAM FMPy fmucontainer fmuloader
-    Foxglove FreeCAD gcode-toolpath
+    Altium Autodesk Chromium com0com cppagent Dask DuckDB Eagle EdingCNC Emacs Estlcam Firefox FlatCAM FMPy
+    fmucontainer fmuloader Foxglove FreeCAD gcode-toolpath
     Fusion gerbv GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad
     Klipper LabVIEW Lichtblick LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd
-    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pygcode PyQt PySide pyvcd pyvisa Rerun Robot rs274 Saleae
-    sarif-multitool ser2net sigrok Stable-Baselines3 Surfer umati Vectric Verilator vpype Wine WinPC-NC
+    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pygcode PyQt PySide pyvcd pyvisa Rerun Robot
+    rs274 Saleae sarif-multitool ser2net sigrok Stable-Baselines3 Surfer umati Vectric Verilator vpype Wine WinPC-NC
     """,
 )
 
