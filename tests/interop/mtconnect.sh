@@ -8,10 +8,10 @@ cd "$(mktemp -d)" && trap 'kill $(jobs -p) 2> /dev/null; wait; rm -rf "$PWD"' EX
 python3 -m venv venv && venv/bin/pip install --quiet --disable-pip-version-check xmlschema==4.3.2 || exit 3
 
 isel-twin serve --plant kinematic --tcp 127.0.0.1:0 --control 127.0.0.1:0 > served &
-timeout 60 sh -c 'until grep -qs control served; do sleep 0.2; done'
+timeout 300 sh -c 'until grep -qs control served; do sleep 0.2; done'
 control="$(sed 's/.*"control": "\([^"]*\)".*/\1/' served)"
 isel-twin mtconnect "$control" --tcp 127.0.0.1:0 --devices Devices.xml > beside &
-timeout 60 sh -c 'until grep -qs mtconnect beside; do sleep 0.2; done'
+timeout 300 sh -c 'until grep -qs mtconnect beside; do sleep 0.2; done'
 venv/bin/python - "$schemas" <<'PY'
 import pathlib
 import sys

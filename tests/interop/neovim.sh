@@ -10,10 +10,10 @@ cat > look.lua <<'LUA'
 local function said(method, more)
   local client = vim.lsp.get_clients({ bufnr = 0 })[1]
   local asked = vim.tbl_extend("force", { textDocument = vim.lsp.util.make_text_document_params() }, more)
-  return client:request_sync(method, asked, 60000, 0).result
+  return client:request_sync(method, asked, 300000, 0).result
 end
 local function main()
-  assert(vim.wait(60000, function() return #vim.diagnostic.get(0) > 0 end), "no findings")
+  assert(vim.wait(300000, function() return #vim.diagnostic.get(0) > 0 end), "no findings")
   for _, one in ipairs(vim.diagnostic.get(0)) do print(one.lnum + 1, one.code, one.message) end
   assert(vim.diagnostic.get(0)[1].code == "refused" and vim.diagnostic.get(0)[1].lnum == 3)
   local whole = { start = { line = 0, character = 0 }, ["end"] = { line = 4, character = 0 } }
@@ -29,5 +29,5 @@ LUA
 mkdir jobs && touch isel-twin.toml
 printf '@07\n@0R7\n@0A1600,3000,0,30,0,30,0,30\n@0Q\n' > jobs/part.txt
 venv/bin/nvim --version | head -1
-XDG_STATE_HOME="$PWD" timeout 120 venv/bin/nvim --headless --clean -u init.lua jobs/part.txt -c 'luafile look.lua'
+XDG_STATE_HOME="$PWD" timeout 600 venv/bin/nvim --headless --clean -u init.lua jobs/part.txt -c 'luafile look.lua'
 echo

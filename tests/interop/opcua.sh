@@ -37,14 +37,14 @@ async function main(endpoint) {
 main(process.argv[2]).catch((error) => { console.log(error); process.exitCode = 1; });
 JS
 said() { # the value of a word in the line that a server prints once it listens
-  timeout 60 sh -c "until grep -qs '$2' $1; do sleep 0.2; done"
+  timeout 300 sh -c "until grep -qs '$2' $1; do sleep 0.2; done"
   sed -n "s/.*\"$2\": \"\([^\"]*\)\".*/\1/p" "$1"
 }
 isel-twin serve --tcp 127.0.0.1:0 --control 127.0.0.1:0 > served &
 control="$(said served control)"
 isel-twin opcua "$control" --tcp 127.0.0.1:0 > beside &
 endpoint="$(said beside opcua)"
-timeout 60 node look.cjs "$endpoint" > seen &
+timeout 300 node look.cjs "$endpoint" > seen &
 looks=$!
 said seen ready
 isel-twin ctl "$control" set estop=pressed
