@@ -1,4 +1,4 @@
-"""docs/interop.md: each program that the pages name has a row, and each witness is there."""
+"""docs/interop.md: each program that pages and help name has a row, and each witness is there."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "twin" / "cli").glob("*.py"))]
 TABLE = (ROOT / "docs" / "interop.md").read_text(encoding="utf-8")
 WITNESSES, UNTRIED = TABLE.split("Not tried, and named")
 SCRIPT = re.compile(r"`(?:\w+=\w+ )?bash (tests/interop/\w+\.sh)`")
@@ -19,7 +19,7 @@ PROGRAMS = re.findall(
     fmucontainer fmuloader Foxglove FreeCAD gcode-toolpath
     Fusion gerbv GitHub GitLab grblHAL GTKWave Gymnasium Haas HSMWorks Icarus Inkscape Jenkins junit2html KiCad
     Klipper LabVIEW Lichtblick LinuxCNC libplot mcap MTConnect Neovim node-opcua OMSimulator Optuna OrCAD pandas pcb-rnd
-    pcb2gcode PlotJuggler Polars pre-commit ProNC pstoedit PulseView pygcode PyQt PySide pyvcd pyvisa Rerun Robot
+    pcb2gcode Polars pre-commit ProNC pstoedit PulseView pygcode PyQt PySide pyvcd pyvisa Rerun Robot
     rs274 Saleae sarif-multitool ser2net sigrok Stable-Baselines3 Surfer umati Vectric Verilator vpype Wine WinPC-NC
     """,
 )
