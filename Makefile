@@ -40,7 +40,8 @@ QUICK := \
 	tests/firmware/gmi99/test_planner.py tests/firmware/bwo900/test_corners.py tests/motion tests/wiring \
 	tests/drives/test_data.py tests/drives/test_servo.py tests/drives/test_step_loss.py tests/plant/test_thresholds.py \
 	tests/plant/test_supply.py tests/plant/test_cutting.py tests/models/test_models.py tests/models/test_machine.py \
-	tests/cam/test_ncp.py tests/cam/test_gcode.py tests/cam/test_hpgl.py tests/cam/test_excellon.py tests/rs274 tests/gerbv tests/cli/test_job.py \
+	tests/cam/test_ncp.py tests/cam/test_gcode.py tests/cam/test_hpgl.py tests/cam/test_excellon.py \
+	tests/interop/rs274 tests/interop/gerbv tests/cli/test_job.py \
 	tests/capture/test_ticks.py tests/recordings/test_write.py tests/recordings/test_mcap.py \
 	tests/test_twin.py tests/test_position.py tests/test_snapshot.py tests/test_spec.py tests/test_testing.py \
 	tests/test_jobs.py tests/test_verdict.py tests/test_decisions.py tests/test_borders.py
@@ -116,6 +117,13 @@ findings:            ## surprises of other libraries and tools, each run once mo
 	@failed=; for script in findings/*.sh; do \
 	  echo "$$script"; bash $$script || failed="$$failed $$script ($$?)"; done; \
 	  if [ -n "$$failed" ]; then echo "no longer so, or not to be had (3):$$failed"; exit 1; fi
+
+.PHONY: interop
+interop: $(READY)    ## programs of others, in temporary folders, read what is written here (docs/interop.md); needs a network
+	@failed=; for script in tests/interop/*.sh; do \
+	  echo "$$script"; PATH="$(CURDIR)/$(BIN):$$PATH" bash $$script && continue; code=$$?; \
+	  if [ $$code = 3 ]; then echo "$$script: not to be had here"; else failed="$$failed $$script"; fi; done; \
+	  if [ -n "$$failed" ]; then echo "not read as docs/interop.md says:$$failed"; exit 1; fi
 
 .PHONY: browser
 browser: $(READY)    ## a browser for the tests of the panel, if it can be had; without one they are skipped

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from isel_twin.base.printable import shown_line
-from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, values
+from isel_twin.bridge.mtconnect.items import ITEMS, values
 from isel_twin.bridge.operate.client import ClientError
 from isel_twin.bridge.operate.conditions import State
 from isel_twin.bridge.serve.loop import Wake, woken_by_signals
@@ -31,6 +31,7 @@ from isel_twin.language import readable
 
 log = logging.getLogger("isel_twin")
 
+UNAVAILABLE = "UNAVAILABLE"
 HEARTBEAT_MS = 10_000
 AGENTS = 16  # connections at once
 LINE_BYTES = 4096  # most bytes of an agent without an end of line
@@ -38,16 +39,16 @@ GREETING = b"* PING"  # what an agent says first
 SHOWN = 40  # bytes of a stranger in the log
 
 
-def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list[str]:
-    """Lines of SHDR for what differs from before."""
-    changed = [item for item in ITEMS if now[item.key] != before.get(item.key)]
+def lines(now: Mapping[str, str | None], before: Mapping[str, str | None], stamp: str) -> list[str]:
+    """Lines of SHDR for what differs from before. None: not available, a word that a fault may have for its cause."""
+    changed = [item for item in ITEMS if item.key not in before or now[item.key] != before[item.key]]
     plain = [f"{item.key}|{_quoted(now[item.key])}" for item in changed if item.category != "CONDITION"]
     told = [f"{stamp}|{'|'.join(plain)}"] if plain else []
     for item in changed:
         if item.category == "CONDITION":
             text = now[item.key]
-            if text == UNAVAILABLE:
-                told.append(f"{stamp}|{item.key}|UNAVAILABLE||||")
+            if text is None:
+                told.append(f"{stamp}|{item.key}|{UNAVAILABLE}||||")
             elif text:
                 told.append(f"{stamp}|{item.key}|FAULT|{item.key}|||{_quoted(text)}")
             else:
@@ -55,10 +56,10 @@ def lines(now: Mapping[str, str], before: Mapping[str, str], stamp: str) -> list
     return told
 
 
-def _quoted(text: str) -> str:
+def _quoted(text: str | None) -> str:
     """A value, in quotes if it has bars or quotes: there a backslash makes the next character plain. A line end in it
     would be the end of its line."""
-    text = shown_line(text)
+    text = UNAVAILABLE if text is None else shown_line(text)
     return '"' + re.sub(r'([\\"|])', r"\\\1", text) + '"' if "|" in text or '"' in text else text
 
 
@@ -82,7 +83,7 @@ class Adapter:
         self._listener, self.address = listen(address)
         self._state, self._interval_s = state, interval_s
         self._agents: list[_Agent] = []
-        self._known: dict[str, str] = {}
+        self._known: Mapping[str, str | None] = {}
         self._stopped = False
         self._wake = Wake()
 
@@ -104,13 +105,13 @@ class Adapter:
         except ClientError:
             pass
         finally:
-            self._tell(dict.fromkeys((item.key for item in ITEMS), UNAVAILABLE))
+            self._tell(dict.fromkeys(item.key for item in ITEMS))
             for agent in list(self._agents):
                 self._drop(agent)
             self._listener.close()
             self._wake.close()
 
-    def _tell(self, now: dict[str, str]) -> None:
+    def _tell(self, now: Mapping[str, str | None]) -> None:
         told = lines(now, self._known, _stamp())
         self._known = now
         for agent in list(self._agents):

@@ -15,7 +15,6 @@ from isel_twin.base.printable import shown_line
 from isel_twin.bridge.operate.conditions import State, conditions, emergency, powered, program
 
 SCHEMA = "urn:mtconnect.org:MTConnectDevices:2.0"
-UNAVAILABLE = "UNAVAILABLE"
 EXECUTION = {"Running": "ACTIVE", "Ended": "READY", "Interrupted": "INTERRUPTED", "Aborted": "STOPPED"}
 
 

@@ -69,18 +69,21 @@ class Agent:
             self.pongs.append(line)
             return
         stamp, *fields = split(line)
-        assert stamp.endswith("Z")
+        assert re.fullmatch(r"[-\dT:.]+Z", stamp), "an instant: a duration, behind @, is told of a statistic only"
         datetime.datetime.fromisoformat(stamp)
         item = self.items[fields[0]]
         if item.get("category") == "CONDITION":
             assert len(fields) == 6
             assert fields[1] in LEVELS
+            assert fields[1] == "FAULT" or fields[2:] == [""] * 4, "without a code NORMAL ends all that was wrong"
             self.values[fields[0]] = fields[5] or fields[1]
             return
         assert len(fields) % 2 == 0
         for key, value in zip(fields[::2], fields[1::2], strict=True):
             about = self.items[key].attrib
             assert about["category"] != "CONDITION"
+            assert value, "an agent would take nothing for the value"
+            assert "statistic" not in about
             if value != "UNAVAILABLE":
                 assert value in WORDS.get(about["type"], {value})
                 assert about["category"] != "SAMPLE" or abs(float(value)) < 1e4
@@ -326,13 +329,27 @@ def test_a_stop_does_not_wait_for_the_next_look() -> None:
     assert not running.is_alive()
 
 
-@pytest.mark.parametrize("text", ['a|b "c"', r"C:\jobs\part.nc", r'C:\jobs\"part".nc', '"', "\\|"])
-def test_texts_with_bars_are_quoted(text: str) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        *('a|b "c"', r"C:\jobs\part.nc", r'C:\jobs\"part".nc', '"', "\\|", '"a', 'a"', "|", '""', "\\"),
+        *("UNAVAILABLE", "@100.0", "part:3", "* PONG 1", "{a}"),
+    ],
+)
+def test_texts_come_as_they_are(text: str) -> None:
     """In quotes an agent takes what follows a backslash as it is, outside it takes the backslash as it is."""
     normal = {item.key: "" if item.category == "CONDITION" else "1" for item in ITEMS}
     (line,) = lines({**normal, "Xpos": text}, normal, "T")
     assert split(line) == ["T", "Xpos", "FAULT", "Xpos", "", "", text]
     assert lines(normal, normal, "T") == []
+
+
+def test_what_is_not_available_is_said_of_each_item() -> None:
+    """Part 3: UNAVAILABLE is the value of a sample or an event, and the level of a condition, alone on its line."""
+    plain, *conditions = [split(line) for line in lines(dict.fromkeys(item.key for item in ITEMS), {}, "T")]
+    names = [item.key for item in ITEMS if item.category != "CONDITION"]
+    assert plain == ["T", *itertools.chain.from_iterable((name, "UNAVAILABLE") for name in names)]
+    assert [one[2:] for one in conditions] == [["UNAVAILABLE", "", "", "", ""]] * (len(ITEMS) - len(names))
 
 
 def test_texts_of_a_machine_neither_end_a_line_nor_break_the_file_of_devices() -> None:

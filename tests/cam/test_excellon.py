@@ -1,4 +1,4 @@
-"""Excellon: what each word makes, how numbers are read, what is refused; gerbv's reading is in tests/gerbv."""
+"""Excellon: what each word makes, how numbers are read, what is refused; gerbv's reading is in tests/interop/gerbv."""
 
 from __future__ import annotations
 

@@ -118,6 +118,8 @@ def test_unknown_values_are_no_edges_but_gaps(tmp_path: Path) -> None:
         ('#0 x! 1"\n#10 0!\n#20 1!\n', "falling", [1000], "that is counted as a step"),
         ('#0 x! 1"\n#10 1!\n#20 0!\n', "both", [2000], "that is not counted as a step"),
         ('#0 1! 1"\n#10 0!\n#20 1!\n', "rising", [2000], "active from the beginning on; that is not counted"),
+        ('#0 1! 1"\n#10 0!\n#20 1!\n', "both", [1000, 2000], None),
+        ('#0 x! 1"\n#10 0!\n#20 1!\n', "both", [2000], "that is not counted as a step"),
         ('#0 1"\n#10 1!\n#20 0!\n', "rising", [1000], None),  # first named at its change: it was 0 before
         ('#0 1"\n#10 1!\n#20 0!\n', "both", [1000, 2000], None),
         ('#0 0! 1"\n#7\n$dumpall 0! 1" $end\n#10 1!\n#20 0!\n', "rising", [1000], None),

@@ -1,8 +1,8 @@
 """Recordings as MCAP files: the traffic of the line and the behaviour of the machine, with times, in one file.
 
-MCAP (https://mcap.dev) is a container of messages on named channels, in chunks that are compressed one by one. Foxglove
-and PlotJuggler open it. `log_time` is virtual time in ns since power-on (of a real controller: since the recording
-began). The channels are in CHANNELS; each but `/samples` carries JSON with its schema.
+MCAP (https://mcap.dev) is a container of messages on named channels, in chunks that are compressed one by one.
+`log_time` is virtual time in ns since power-on (of a real controller: since the recording began). The channels are in
+CHANNELS; each but `/samples` carries JSON with its schema.
 
     head: metadata, attachments | chunk | chunk | chunk | ... | index, end
                                                  ^ killed here: everything up to the last whole chunk can be read

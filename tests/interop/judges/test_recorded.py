@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from tests.judges import __main__ as command_line
+from tests.interop.judges import __main__ as command_line
 
 ROWS = json.loads(command_line.RECORDED.read_text())
 

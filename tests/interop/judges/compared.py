@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1]))  # as pytest does
+sys.path.append(str(Path(__file__).parents[2]))  # as pytest does
 
 import numpy as np
 from cam.played import ideal_mm, is_near, largest_radius_mm, lines_of, swept_mm2, texts
@@ -28,7 +28,7 @@ from isel_twin.core.spec import TwinSpec
 from isel_twin.jobs.recovered import CHORD_MM, recovered
 from isel_twin.jobs.toolpaths import source_of
 from isel_twin.language import create_language
-from tests.rs274.canon import LOOSE, LOOSE_ROUNDED, Move, differ, read
+from tests.interop.rs274.canon import LOOSE, LOOSE_ROUNDED, Move, differ, read
 
 MACHINES = {"imc-s8": "4030", "ismif": "4030", "gmi99": "4030-servo", "bwo900": "4030-servo"}
 STEP_MM = {"imc-s8": 1 / 320, "ismif": 1 / 80, "gmi99": 1e-3, "bwo900": 1e-3}

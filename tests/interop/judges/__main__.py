@@ -1,6 +1,8 @@
-"""python -m tests.judges N [--first SEED]: N random parts for four controllers, read by every judge that is here
-(RS274, GCODE_PYTHON, GCODE_TOOLPATH: tests/judges/asked.py); prints what differs. --record takes six short ones and
-keeps what was read for test_recorded.py."""
+"""python -m tests.interop.judges N [--first SEED]: N random parts for four controllers, read by every judge here.
+
+RS274, GCODE_PYTHON, GCODE_TOOLPATH name them: tests/interop/judges/asked.py. Prints what differs. --record takes six
+short ones and keeps what was read for test_recorded.py.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from tests.judges.asked import judges
-from tests.judges.compared import MACHINES, SETTINGS, astray, decoded, near_mm, program, unlike, written
-from tests.judges.parts import part
-from tests.rs274.canon import LOOSE, Move
+from tests.interop.judges.asked import judges
+from tests.interop.judges.compared import MACHINES, SETTINGS, astray, decoded, near_mm, program, unlike, written
+from tests.interop.judges.parts import part
+from tests.interop.rs274.canon import LOOSE, Move
 
 RECORDED = Path(__file__).parent / "recorded.json"
 ALL = ("rs274", "pygcode", "gcode-toolpath")
@@ -52,7 +54,7 @@ def verdicts(row: Mapping[str, Any]) -> Iterator[str]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.judges", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.interop.judges", description=__doc__)
     parser.add_argument("number", type=int, nargs="?", default=10)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--record", action="store_true")
@@ -61,7 +63,7 @@ def main() -> int:
         here = judges(Path(folder))
         missing = [name for name in ALL if name not in here]
         if "rs274" in missing or (call.record and missing):
-            print(f"not here: {', '.join(missing)} (tests/judges/asked.py says where they are looked for)")
+            print(f"not here: {', '.join(missing)} (tests/interop/judges/asked.py says where they are looked for)")
             return 2
         wrong, rows = 0, []
         drawn = SHORT if call.record else dict.fromkeys(range(call.first, call.first + call.number), 7)

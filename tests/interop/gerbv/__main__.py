@@ -1,4 +1,4 @@
-"""python -m tests.gerbv N [--first SEED]: N random drill files, read here and by gerbv; prints what differs.
+"""python -m tests.interop.gerbv N [--first SEED]: N random drill files, read here and by gerbv; prints what differs.
 
 --record keeps what gerbv reads in them for test_recorded.py. On Debian gerbv is a package of this name.
 """
@@ -11,14 +11,14 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.gerbv.files import file
-from tests.gerbv.image import command, differ, ncp, ncp_differs, read, seen
+from tests.interop.gerbv.files import file
+from tests.interop.gerbv.image import command, differ, ncp, ncp_differs, read, seen
 
 RECORDED = Path(__file__).parent / "recorded.json"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.gerbv", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.interop.gerbv", description=__doc__)
     parser.add_argument("number", type=int)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--record", action="store_true")

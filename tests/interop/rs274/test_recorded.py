@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from tests.rs274 import __main__ as command_line
-from tests.rs274.canon import verdict
-from tests.rs274.record import FILE
+from tests.interop.rs274 import __main__ as command_line
+from tests.interop.rs274.canon import verdict
+from tests.interop.rs274.record import FILE
 
 ROWS = json.loads(FILE.read_text())
 

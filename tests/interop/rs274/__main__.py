@@ -1,6 +1,6 @@
-"""python -m tests.rs274 N [--first SEED]: N random programs, read here and by LinuxCNC's rs274; prints what differs.
+"""python -m tests.interop.rs274 N [--first SEED]: N random programs, read here and by rs274; prints what differs.
 
-The interpreter is found on the path or by the variable RS274 (on Debian: package linuxcnc-uspace).
+LinuxCNC's interpreter is found on the path or by the variable RS274 (on Debian: package linuxcnc-uspace).
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.rs274.canon import command, interpreted, verdict
-from tests.rs274.programs import program
+from tests.interop.rs274.canon import command, interpreted, verdict
+from tests.interop.rs274.programs import program
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.rs274", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.interop.rs274", description=__doc__)
     parser.add_argument("number", type=int)
     parser.add_argument("--first", type=int, default=0)
     call = parser.parse_args()

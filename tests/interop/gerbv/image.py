@@ -18,7 +18,7 @@ from isel_twin.cam.ncp import Ncp
 from isel_twin.cam.settings import CamSettings
 from isel_twin.cam.toolpath import CamError, Caution, Line, Tool
 from tests.forked import PATIENCE_S
-from tests.gerbv.files import INCH, Mark
+from tests.interop.gerbv.files import INCH, Mark
 
 LOOSE_MM = 1e-4  # six decimals of an inch are 25 nm
 LOOSE_TOOL_MM = 2e-3  # four

@@ -7,9 +7,9 @@ import json
 
 import pytest
 
-from tests.gerbv import __main__ as command_line
-from tests.gerbv.files import FORMS, OTHERWISE, file
-from tests.gerbv.image import differ, ncp_differs, read
+from tests.interop.gerbv import __main__ as command_line
+from tests.interop.gerbv.files import FORMS, OTHERWISE, file
+from tests.interop.gerbv.image import differ, ncp_differs, read
 from tests.thorough import drawn
 
 ROWS = json.loads(command_line.RECORDED.read_text())

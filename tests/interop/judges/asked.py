@@ -1,4 +1,4 @@
-"""The judges, each asked for the moves of a G-code file in the form of tests/rs274/canon.py.
+"""The judges, each asked for the moves of a G-code file in the form of tests/interop/rs274/canon.py.
 
 rs274           of LinuxCNC: on the path, or RS274 names it; reads all of a part, too
 pygcode         GCODE_PYTHON names a Python that has it
@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from tests.forked import PATIENCE_S
-from tests.rs274.canon import Move, command, interpreted
+from tests.interop.rs274.canon import Move, command, interpreted
 
 HERE = Path(__file__).parent
 

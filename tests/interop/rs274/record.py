@@ -1,4 +1,4 @@
-"""python -m tests.rs274.record: what rs274 makes of thirty random programs, kept for test_recorded.py."""
+"""python -m tests.interop.rs274.record: what rs274 makes of thirty random programs, kept for test_recorded.py."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.rs274.canon import command, interpreted
-from tests.rs274.programs import program
+from tests.interop.rs274.canon import command, interpreted
+from tests.interop.rs274.programs import program
 
 FILE = Path(__file__).parent / "recorded.json"
 
