@@ -3,7 +3,7 @@
     moves.py        one move on a twin, and its measurements; watching.py: position errors meanwhile
     tuning.py       `isel_twin/JobTuning-v0`: one step is one move
     vector.py       many environments side by side, in threads and processes
-    track.py        `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies (paths.py, tracking.py)
+    track.py        `isel_twin/TrackPath-v0`: one step is some milliseconds of step frequencies (paths.py, tracking.c)
     track_vector.py many of them in one compiled call
     wrappers.py     bounds and scales, other machines (variations.py), feed along the path
     sweep.py        tables of whole jobs on any `concurrent.futures.Executor`; the fastest setting with a margin

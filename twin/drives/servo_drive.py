@@ -5,7 +5,7 @@ torque and back-EMF (the same number in N m/A and V s/rad; plates may give it pe
 
     U = R i + L di/dt + K w          T = K i
 
-The drive closes three loops (servo.py): current in every sub-step, speed and position every `loop_period`. Its encoder
+The drive closes three loops (servo.h): current in every sub-step, speed and position every `loop_period`. Its encoder
 on the motor counts whole increments, the unit of the commands. It limits the current to `peak_current`, and to
 `rated_current` after the I2t, the low pass of (i / rated)^2, has passed 1 until it is back below I2T_BACK. If the
 following error passes its limit it switches itself off until the fault is cleared.

@@ -22,7 +22,7 @@
        |-----------|          pulses within the sub-step act in it by the time mean of the command:
        __|``````````          a pulse after 0.2 dt moves the mean by 0.8 microsteps
 
-   The constants come from `axis_parameters` (dynamics.py); `follow` in drives.c shows how the sub-step is used. Text of
+   The constants come from `axis_parameters` (dynamics.py); `follow_command` in drives.c shows how the sub-step is used. Text of
    law.h, for each width. */
 
 #if LANES == 1

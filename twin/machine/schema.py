@@ -100,7 +100,7 @@ class Axis:
         """Speed of the motor above which a swing of its rotor grows; inf: none is told, or it is a servo drive."""
         if not isinstance(self.motor, Motor) or not isinstance(self.stage, Stage):
             return math.inf
-        from isel_twin.drives.stability import limit_rad_s  # compiled code, loaded where it is asked for
+        from isel_twin.drives.stability import limit_rad_s  # loaded where it is asked for
 
         return limit_rad_s(self.motor, self.stage, self.screw, self.guide_friction_n)
 

@@ -73,7 +73,7 @@ AXIS = record(
         ("sum_nut_n", "f8"),  # sum of the forces of the nut alone in this window
         ("mean_nut_n", "f8"),  # their mean in the window before
         ("push_n", "f8"),  # force on the nut that would accelerate the carriage as the push from outside does
-        ("phases", "i8"),  # as `step_axis` takes it
+        ("phases", "i8"),  # as `stepper_torque` takes it
         ("fraction", "f8"),  # current fraction
         ("idle_fraction", "f8"),
         ("idle_delay", "i8"),  # sub-steps from the last change of the command to the lowered current

@@ -2,7 +2,7 @@
 
     w_ref = Kv e + Kff u'      z' = (w_ref - w) / Ti      w' = w_v (w_ref - w + z)      p' = w      e = u - p
 
-the linear cascade of drives/servo.py. Between set points the command u is a straight line, so the state after it is a
+the linear cascade of drives/servo.h. Between set points the command u is a straight line, so the state after it is a
 matrix times the state before. A drive is in position when the following error has been within its window for the
 window's time. On MuJoCo the sampled loops, friction and backlash add some 10 ms to 105 (plant/22).
 """
