@@ -22,8 +22,8 @@
        |-----------|          pulses within the sub-step act in it by the time mean of the command:
        __|``````````          a pulse after 0.2 dt moves the mean by 0.8 microsteps
 
-   The constants come from `axis_parameters` (dynamics.py); `follow_command` in drives.c shows how the sub-step is used. Text of
-   law.h, for each width. */
+   The constants come from `axis_parameters` (dynamics.py); `follow_command` in drives.c shows how the sub-step is
+   used. Text of law.h, for each width. */
 
 #if LANES == 1
 #define SETTLED_RAD 1e-12 /* electrical load-angle swing below which damping does nothing, so a drive comes to rest */

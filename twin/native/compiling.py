@@ -22,7 +22,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-CORE = HERE / "core.c"
 FLAGS = (
     "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-fPIC", "-shared",
     "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror=vla",
@@ -45,10 +44,10 @@ class BuildError(RuntimeError):
     """There is no compiler, or it refuses the source; the message says what to do."""
 
 
-def sources(source: Path = CORE) -> list[Path]:
-    """A C file and all that it includes; none in an installed package."""
+def sources(source: Path | None = None) -> list[Path]:
+    """A C file, by default core.c, and all that it includes; none in an installed package."""
     found: dict[Path, None] = {}
-    ahead = [source]
+    ahead = [source or HERE / "core.c"]
     while ahead:
         path = ahead.pop()
         if path not in found and path.is_file():
@@ -101,13 +100,14 @@ def usable() -> bool:
 
 
 def build(path: Path | None = None, compiler: list[str] | None = None, extra: tuple[str, ...] = (), *,
-          target: str = "", shown: bool = False, source: Path = CORE) -> Path:  # fmt: skip
+          target: str = "", shown: bool = False, source: Path | None = None) -> Path:  # fmt: skip
     """Compile the library, by default beside its source. Raises BuildError with one line.
 
     extra: further flags; target: the machine it is for, as ziglang names it; shown: let the compiler say what it says;
     source: another C file than core.c.
     """
-    files, path = sources(source), path or source.with_suffix(suffix(target))
+    files, source = sources(source), source or HERE / "core.c"
+    path = path or source.with_suffix(suffix(target))
     if not files:
         raise BuildError(f"{HERE}: has no C sources; install isel-twin anew")
     if target:
@@ -131,12 +131,12 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
     raise BuildError(f"{why}; `python -m isel_twin.native.compiling` says more; `pip install ziglang` is a compiler")
 
 
-def library(source: Path = CORE) -> Path:
+def library(source: Path | None = None) -> Path:
     """The library beside its source; in a checkout whose C has changed it is built anew. ISEL_TWIN_CORE names another
     one for core.c, as it is: one with sanitizers, for example. Raises BuildError."""
-    if source == CORE and (other := os.environ.get("ISEL_TWIN_CORE")):
+    if source is None and (other := os.environ.get("ISEL_TWIN_CORE")):
         return Path(other)
-    path, files = source.with_suffix(suffix()), sources(source)
+    path, files = (source or HERE / "core.c").with_suffix(suffix()), sources(source)
     if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):
         return build(path, source=source)
     if not path.exists():

@@ -6,6 +6,8 @@
 
 #if defined(_WIN32)
 #define API __declspec(dllexport)
+#elif defined(__ELF__)
+#define API __attribute__((visibility("protected"))) /* another library's function of the same name changes nothing */
 #else
 #define API __attribute__((visibility("default")))
 #endif

@@ -62,11 +62,13 @@ def address(array: NDArray[Any]) -> int:
 class Core:
     """The functions of the library, by name; or of that of another C file than core.c."""
 
-    def __init__(self, source: Path = compiling.CORE) -> None:
+    abreast: bool  # once it is loaded: three axes go side by side in a register, with the same bits (lanes.h)
+
+    def __init__(self, source: Path | None = None) -> None:
         self._source = source
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
+        if name.startswith("_"):
             raise AttributeError(name)
         made = _checked(self._function(name), name, _arguments(self.prototype(name)))
         setattr(self, name, made)
@@ -101,8 +103,9 @@ class Core:
             found = ctypes.CDLL(str(self.path))
         except OSError as error:
             raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
-        self.abreast = bool(found.has_avx2()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
-        ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
+        if self._source is None:
+            self.abreast = bool(found.has_avx2()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
+            ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
         return found
 
     def text(self, name: str) -> str:
@@ -147,7 +150,7 @@ def _arguments(prototype: str) -> list[str]:
 
 
 def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
-    kinds: list[tuple[np.dtype[Any], int, bool, str] | None] = []
+    kinds: list[tuple[np.dtype[Any], int, bool, str, bool] | None] = []
     for argument in arguments:
         array = _ARRAY.fullmatch(argument)
         if array is None:
@@ -156,8 +159,9 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             dtype = _ELEMENTS.get(array[3]) or RECORDS.get(array[3])
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
-            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument))
-    count, buffer = len(kinds), ctypes.c_char.from_buffer
+            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument, dtype.names is None))
+    # of plain arrays this is the fastest way to the address; of records it would spell out their fields
+    count, buffer, byref = len(kinds), ctypes.c_char.from_buffer, ctypes.byref
 
     def call(*given: Any) -> Any:
         if len(given) != count:
@@ -167,17 +171,17 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             if kind is None:
                 flat.append(argument)
                 continue
-            dtype, dimensions, written, text = kind
+            dtype, dimensions, written, text, plain = kind
             if (
                 not isinstance(argument, np.ndarray)
-                or argument.dtype != dtype
+                or (argument.dtype is not dtype and argument.dtype != dtype)
                 or not (flags := argument.flags).c_contiguous
                 or (written and not flags.writeable)
                 or (argument.ndim != dimensions if dimensions else not argument.size)
             ):
                 raise TypeError(f"{name}: {text}: got {_described(argument)}")
-            if flags.writeable and argument.size:
-                flat.append(ctypes.byref(buffer(argument)))
+            if plain and flags.writeable and argument.size:
+                flat.append(byref(buffer(argument)))
             else:
                 flat.append(argument.ctypes.data)
             if dimensions:
