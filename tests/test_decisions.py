@@ -17,7 +17,7 @@ CITED = re.compile(rf"(?<![\w/.])({'|'.join(ROOMS)})/(\d+)\b(?!/)")
 
 def files() -> Iterator[Path]:
     for folder in ("twin", "bridge", "envs", "models", "tests", "docs"):
-        yield from (p for p in sorted((ROOT / folder).rglob("*")) if p.suffix in (".py", ".md", ".toml", ".xml"))
+        yield from (p for p in sorted((ROOT / folder).rglob("*")) if p.suffix in (".py", ".c", ".h", ".md", ".toml", ".xml"))
 
 
 @cache

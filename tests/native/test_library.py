@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -46,5 +47,7 @@ def test_each_function_marked_for_python_is_there_by_its_prototype() -> None:
     }
     assert marked
     assert set(core._prototypes) == marked
+    for module in records.MODULES:
+        import_module(module)
     for name in marked:
         assert callable(getattr(core, name))
