@@ -97,7 +97,8 @@ def run(
     """
     found = np.zeros(3)
     _bridge.run(rig, start_rate, rate, ramp, hold, load, rise, steps_per_tick, found)
-    return tuple(found.tolist())
+    seconds, angle, torque = found.tolist()
+    return seconds, angle, torque
 
 
 def run_adaptive(rig: Rig, rate: float, hold: float, load: float) -> tuple[float, float]:

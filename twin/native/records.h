@@ -59,186 +59,6 @@
 #define SETUP_NS 1000
 
 typedef struct {
-    int64_t place;
-    int64_t line;
-    int64_t time;
-    int64_t begin;
-    int64_t problem;
-    int64_t column;
-    int64_t rows;
-    int64_t part;
-} SCAN;
-_Static_assert(offsetof(SCAN, place) == 0, "place");
-_Static_assert(offsetof(SCAN, line) == 8, "line");
-_Static_assert(offsetof(SCAN, time) == 16, "time");
-_Static_assert(offsetof(SCAN, begin) == 24, "begin");
-_Static_assert(offsetof(SCAN, problem) == 32, "problem");
-_Static_assert(offsetof(SCAN, column) == 40, "column");
-_Static_assert(offsetof(SCAN, rows) == 48, "rows");
-_Static_assert(offsetof(SCAN, part) == 56, "part");
-
-_Static_assert(sizeof(SCAN) == 64, "SCAN");
-
-TEXT layout_SCAN = "place i8 0; line i8 8; time i8 16; begin i8 24; problem i8 32; column i8 40; rows i8 48; part i8 56; 64";
-
-typedef struct {
-    int64_t on;
-    int64_t flutes;
-    int64_t start;
-    double turns;
-    double tooth_s;
-    double gain;
-    double most_m_s;
-    double n_per_m;
-    double m;
-    double radial;
-    double edge_n;
-    double edge_radial_n;
-    double enter_rad;
-    double leave_rad;
-    double left;
-    double x_m_s;
-    double y_m_s;
-    double x_n;
-    double y_n;
-    double sum_x_n;
-    double sum_y_n;
-    double tool_m_per_n;
-    double bend_m[2];
-} CUT;
-_Static_assert(offsetof(CUT, on) == 0, "on");
-_Static_assert(offsetof(CUT, flutes) == 8, "flutes");
-_Static_assert(offsetof(CUT, start) == 16, "start");
-_Static_assert(offsetof(CUT, turns) == 24, "turns");
-_Static_assert(offsetof(CUT, tooth_s) == 32, "tooth_s");
-_Static_assert(offsetof(CUT, gain) == 40, "gain");
-_Static_assert(offsetof(CUT, most_m_s) == 48, "most_m_s");
-_Static_assert(offsetof(CUT, n_per_m) == 56, "n_per_m");
-_Static_assert(offsetof(CUT, m) == 64, "m");
-_Static_assert(offsetof(CUT, radial) == 72, "radial");
-_Static_assert(offsetof(CUT, edge_n) == 80, "edge_n");
-_Static_assert(offsetof(CUT, edge_radial_n) == 88, "edge_radial_n");
-_Static_assert(offsetof(CUT, enter_rad) == 96, "enter_rad");
-_Static_assert(offsetof(CUT, leave_rad) == 104, "leave_rad");
-_Static_assert(offsetof(CUT, left) == 112, "left");
-_Static_assert(offsetof(CUT, x_m_s) == 120, "x_m_s");
-_Static_assert(offsetof(CUT, y_m_s) == 128, "y_m_s");
-_Static_assert(offsetof(CUT, x_n) == 136, "x_n");
-_Static_assert(offsetof(CUT, y_n) == 144, "y_n");
-_Static_assert(offsetof(CUT, sum_x_n) == 152, "sum_x_n");
-_Static_assert(offsetof(CUT, sum_y_n) == 160, "sum_y_n");
-_Static_assert(offsetof(CUT, tool_m_per_n) == 168, "tool_m_per_n");
-_Static_assert(offsetof(CUT, bend_m) == 176, "bend_m");
-
-_Static_assert(sizeof(CUT) == 192, "CUT");
-
-TEXT layout_CUT = "on i8 0; flutes i8 8; start i8 16; turns f8 24; tooth_s f8 32; gain f8 40; most_m_s f8 48; n_per_m f8 56; m f8 64; radial f8 72; edge_n f8 80; edge_radial_n f8 88; enter_rad f8 96; leave_rad f8 104; left f8 112; x_m_s f8 120; y_m_s f8 128; x_n f8 136; y_n f8 144; sum_x_n f8 152; sum_y_n f8 160; tool_m_per_n f8 168; bend_m ('<f8', (2,)) 176; 192";
-
-typedef struct {
-    int64_t first;
-    int64_t last;
-    int64_t t;
-    int64_t rest;
-    int64_t step;
-    int64_t step_rest;
-    int64_t den;
-    int64_t rounded;
-    int64_t sign;
-    int64_t s;
-    double s_rest;
-    double f0;
-    double two_a;
-    double two_units;
-    double t_rest;
-} PHASE;
-_Static_assert(offsetof(PHASE, first) == 0, "first");
-_Static_assert(offsetof(PHASE, last) == 8, "last");
-_Static_assert(offsetof(PHASE, t) == 16, "t");
-_Static_assert(offsetof(PHASE, rest) == 24, "rest");
-_Static_assert(offsetof(PHASE, step) == 32, "step");
-_Static_assert(offsetof(PHASE, step_rest) == 40, "step_rest");
-_Static_assert(offsetof(PHASE, den) == 48, "den");
-_Static_assert(offsetof(PHASE, rounded) == 56, "rounded");
-_Static_assert(offsetof(PHASE, sign) == 64, "sign");
-_Static_assert(offsetof(PHASE, s) == 72, "s");
-_Static_assert(offsetof(PHASE, s_rest) == 80, "s_rest");
-_Static_assert(offsetof(PHASE, f0) == 88, "f0");
-_Static_assert(offsetof(PHASE, two_a) == 96, "two_a");
-_Static_assert(offsetof(PHASE, two_units) == 104, "two_units");
-_Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
-
-_Static_assert(sizeof(PHASE) == 120, "PHASE");
-
-TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
-
-typedef struct {
-    int64_t substep_ns;
-    int64_t window;
-    int64_t usual;
-    int64_t fine;
-    int64_t calm;
-    int64_t step_at;
-    int64_t rest_windows;
-    int64_t mj_step;
-    int64_t model;
-    int64_t data;
-    int64_t now;
-    int64_t quiet;
-    int64_t settled;
-    int64_t frozen;
-    int64_t frozen_at;
-    int64_t watched;
-    int64_t edge;
-    int64_t led_until_ns;
-    int64_t lost_dof;
-    int64_t uneven;
-    int64_t sample_every;
-    int64_t sample_at;
-    int64_t sample_ahead_ns;
-    int64_t sampled;
-    int64_t look_every;
-    int64_t look_at;
-    int64_t look_ahead_ns;
-    int64_t arrived;
-    int64_t struck;
-    int64_t held;
-} PLANT;
-_Static_assert(offsetof(PLANT, substep_ns) == 0, "substep_ns");
-_Static_assert(offsetof(PLANT, window) == 8, "window");
-_Static_assert(offsetof(PLANT, usual) == 16, "usual");
-_Static_assert(offsetof(PLANT, fine) == 24, "fine");
-_Static_assert(offsetof(PLANT, calm) == 32, "calm");
-_Static_assert(offsetof(PLANT, step_at) == 40, "step_at");
-_Static_assert(offsetof(PLANT, rest_windows) == 48, "rest_windows");
-_Static_assert(offsetof(PLANT, mj_step) == 56, "mj_step");
-_Static_assert(offsetof(PLANT, model) == 64, "model");
-_Static_assert(offsetof(PLANT, data) == 72, "data");
-_Static_assert(offsetof(PLANT, now) == 80, "now");
-_Static_assert(offsetof(PLANT, quiet) == 88, "quiet");
-_Static_assert(offsetof(PLANT, settled) == 96, "settled");
-_Static_assert(offsetof(PLANT, frozen) == 104, "frozen");
-_Static_assert(offsetof(PLANT, frozen_at) == 112, "frozen_at");
-_Static_assert(offsetof(PLANT, watched) == 120, "watched");
-_Static_assert(offsetof(PLANT, edge) == 128, "edge");
-_Static_assert(offsetof(PLANT, led_until_ns) == 136, "led_until_ns");
-_Static_assert(offsetof(PLANT, lost_dof) == 144, "lost_dof");
-_Static_assert(offsetof(PLANT, uneven) == 152, "uneven");
-_Static_assert(offsetof(PLANT, sample_every) == 160, "sample_every");
-_Static_assert(offsetof(PLANT, sample_at) == 168, "sample_at");
-_Static_assert(offsetof(PLANT, sample_ahead_ns) == 176, "sample_ahead_ns");
-_Static_assert(offsetof(PLANT, sampled) == 184, "sampled");
-_Static_assert(offsetof(PLANT, look_every) == 192, "look_every");
-_Static_assert(offsetof(PLANT, look_at) == 200, "look_at");
-_Static_assert(offsetof(PLANT, look_ahead_ns) == 208, "look_ahead_ns");
-_Static_assert(offsetof(PLANT, arrived) == 216, "arrived");
-_Static_assert(offsetof(PLANT, struck) == 224, "struck");
-_Static_assert(offsetof(PLANT, held) == 232, "held");
-
-_Static_assert(sizeof(PLANT) == 240, "PLANT");
-
-TEXT layout_PLANT = "substep_ns i8 0; window i8 8; usual i8 16; fine i8 24; calm i8 32; step_at i8 40; rest_windows i8 48; mj_step i8 56; model i8 64; data i8 72; now i8 80; quiet i8 88; settled i8 96; frozen i8 104; frozen_at i8 112; watched i8 120; edge i8 128; led_until_ns i8 136; lost_dof i8 144; uneven i8 152; sample_every i8 160; sample_at i8 168; sample_ahead_ns i8 176; sampled i8 184; look_every i8 192; look_at i8 200; look_ahead_ns i8 208; arrived i8 216; struck i8 224; held i8 232; 240";
-
-typedef struct {
     int64_t dof;
     double zero_m;
     double mobility_per_kg;
@@ -351,152 +171,6 @@ _Static_assert(sizeof(AXIS) == 280, "AXIS");
     FIELD_double(free_high_m)
 
 TEXT layout_AXIS = "dof i8 0; zero_m f8 8; mobility_per_kg f8 16; x_m f8 24; v_m_s f8 32; rest_m_s2 f8 40; friction_n f8 48; held f8 56; sum_n f8 64; mean_n f8 72; sum_nut_n f8 80; mean_nut_n f8 88; push_n f8 96; phases i8 104; fraction f8 112; idle_fraction f8 120; idle_delay i8 128; lowering i8 136; still_since i8 144; steps_per_rad f8 152; full_steps f8 160; sum_nm f8 168; mean_nm f8 176; margin f8 184; untaken f8 192; turning_rad_s f8 200; fastest_rad_s f8 208; fault i8 216; command f8 224; resistance_ohm f8 232; inductance_h f8 240; own_w f8 248; supply_factor f8 256; free_low_m f8 264; free_high_m f8 272; 280";
-
-typedef struct {
-    int64_t quantity;
-    int64_t axis;
-    double sense;
-    double limit;
-    double hysteresis;
-    int64_t passed;
-} THRESHOLD;
-_Static_assert(offsetof(THRESHOLD, quantity) == 0, "quantity");
-_Static_assert(offsetof(THRESHOLD, axis) == 8, "axis");
-_Static_assert(offsetof(THRESHOLD, sense) == 16, "sense");
-_Static_assert(offsetof(THRESHOLD, limit) == 24, "limit");
-_Static_assert(offsetof(THRESHOLD, hysteresis) == 32, "hysteresis");
-_Static_assert(offsetof(THRESHOLD, passed) == 40, "passed");
-
-_Static_assert(sizeof(THRESHOLD) == 48, "THRESHOLD");
-
-TEXT layout_THRESHOLD = "quantity i8 0; axis i8 8; sense f8 16; limit f8 24; hysteresis f8 32; passed i8 40; 48";
-
-typedef struct {
-    int64_t step_ns;
-    double tolerance_mm;
-    double reach_mm;
-    double time_limit_s;
-    double time_weight;
-    double deviation_weight;
-    double abort_penalty;
-    int64_t until_ns;
-    int64_t began_ns;
-    int64_t piece;
-    double way_mm;
-    double tool_mm[3];
-    int64_t rest_ns;
-    double led_mm;
-    double deviation_mm;
-    double edge;
-    double reward_progress;
-    double reward_time;
-    double reward_deviation;
-    double reward_abort;
-} TRACK;
-_Static_assert(offsetof(TRACK, step_ns) == 0, "step_ns");
-_Static_assert(offsetof(TRACK, tolerance_mm) == 8, "tolerance_mm");
-_Static_assert(offsetof(TRACK, reach_mm) == 16, "reach_mm");
-_Static_assert(offsetof(TRACK, time_limit_s) == 24, "time_limit_s");
-_Static_assert(offsetof(TRACK, time_weight) == 32, "time_weight");
-_Static_assert(offsetof(TRACK, deviation_weight) == 40, "deviation_weight");
-_Static_assert(offsetof(TRACK, abort_penalty) == 48, "abort_penalty");
-_Static_assert(offsetof(TRACK, until_ns) == 56, "until_ns");
-_Static_assert(offsetof(TRACK, began_ns) == 64, "began_ns");
-_Static_assert(offsetof(TRACK, piece) == 72, "piece");
-_Static_assert(offsetof(TRACK, way_mm) == 80, "way_mm");
-_Static_assert(offsetof(TRACK, tool_mm) == 88, "tool_mm");
-_Static_assert(offsetof(TRACK, rest_ns) == 112, "rest_ns");
-_Static_assert(offsetof(TRACK, led_mm) == 120, "led_mm");
-_Static_assert(offsetof(TRACK, deviation_mm) == 128, "deviation_mm");
-_Static_assert(offsetof(TRACK, edge) == 136, "edge");
-_Static_assert(offsetof(TRACK, reward_progress) == 144, "reward_progress");
-_Static_assert(offsetof(TRACK, reward_time) == 152, "reward_time");
-_Static_assert(offsetof(TRACK, reward_deviation) == 160, "reward_deviation");
-_Static_assert(offsetof(TRACK, reward_abort) == 168, "reward_abort");
-
-_Static_assert(sizeof(TRACK) == 176, "TRACK");
-
-TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; tool_mm ('<f8', (3,)) 88; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
-
-typedef struct {
-    double highest_hz;
-    double steps_per_mm;
-    double half_slip;
-    double limit_rad_s;
-    double origin_mm;
-    int64_t counter;
-    double fraction;
-    double rate_hz;
-} LANE;
-_Static_assert(offsetof(LANE, highest_hz) == 0, "highest_hz");
-_Static_assert(offsetof(LANE, steps_per_mm) == 8, "steps_per_mm");
-_Static_assert(offsetof(LANE, half_slip) == 16, "half_slip");
-_Static_assert(offsetof(LANE, limit_rad_s) == 24, "limit_rad_s");
-_Static_assert(offsetof(LANE, origin_mm) == 32, "origin_mm");
-_Static_assert(offsetof(LANE, counter) == 40, "counter");
-_Static_assert(offsetof(LANE, fraction) == 48, "fraction");
-_Static_assert(offsetof(LANE, rate_hz) == 56, "rate_hz");
-
-_Static_assert(sizeof(LANE) == 64, "LANE");
-
-TEXT layout_LANE = "highest_hz f8 0; steps_per_mm f8 8; half_slip f8 16; limit_rad_s f8 24; origin_mm f8 32; counter i8 40; fraction f8 48; rate_hz f8 56; 64";
-
-typedef struct {
-    double length;
-    double speed;
-    double limit;
-    double acceleration;
-    double entry;
-} PLAN_PIECE;
-_Static_assert(offsetof(PLAN_PIECE, length) == 0, "length");
-_Static_assert(offsetof(PLAN_PIECE, speed) == 8, "speed");
-_Static_assert(offsetof(PLAN_PIECE, limit) == 16, "limit");
-_Static_assert(offsetof(PLAN_PIECE, acceleration) == 24, "acceleration");
-_Static_assert(offsetof(PLAN_PIECE, entry) == 32, "entry");
-
-_Static_assert(sizeof(PLAN_PIECE) == 40, "PLAN_PIECE");
-
-TEXT layout_PLAN_PIECE = "length f8 0; speed f8 8; limit f8 16; acceleration f8 24; entry f8 32; 40";
-
-typedef struct {
-    double t;
-    double dt;
-    double s0;
-    double s1;
-    double v0;
-    double v1;
-} PLAN_PHASE;
-_Static_assert(offsetof(PLAN_PHASE, t) == 0, "t");
-_Static_assert(offsetof(PLAN_PHASE, dt) == 8, "dt");
-_Static_assert(offsetof(PLAN_PHASE, s0) == 16, "s0");
-_Static_assert(offsetof(PLAN_PHASE, s1) == 24, "s1");
-_Static_assert(offsetof(PLAN_PHASE, v0) == 32, "v0");
-_Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
-
-_Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
-
-TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
-
-typedef struct {
-    double ratio[6];
-    int64_t influence[6];
-    double speed_hz[7];
-    double acceleration_hz_per_s[7];
-    int64_t tool_speed;
-    double jump_hz;
-    double sharp_jump_hz;
-} GMI99_RULES;
-_Static_assert(offsetof(GMI99_RULES, ratio) == 0, "ratio");
-_Static_assert(offsetof(GMI99_RULES, influence) == 48, "influence");
-_Static_assert(offsetof(GMI99_RULES, speed_hz) == 96, "speed_hz");
-_Static_assert(offsetof(GMI99_RULES, acceleration_hz_per_s) == 152, "acceleration_hz_per_s");
-_Static_assert(offsetof(GMI99_RULES, tool_speed) == 208, "tool_speed");
-_Static_assert(offsetof(GMI99_RULES, jump_hz) == 216, "jump_hz");
-_Static_assert(offsetof(GMI99_RULES, sharp_jump_hz) == 224, "sharp_jump_hz");
-
-_Static_assert(sizeof(GMI99_RULES) == 232, "GMI99_RULES");
-
-TEXT layout_GMI99_RULES = "ratio ('<f8', (6,)) 0; influence ('<i8', (6,)) 48; speed_hz ('<f8', (7,)) 96; acceleration_hz_per_s ('<f8', (7,)) 152; tool_speed i8 208; jump_hz f8 216; sharp_jump_hz f8 224; 232";
 
 typedef struct {
     int64_t kind;
@@ -740,6 +414,59 @@ TEXT layout_AXIS_STATE = "theta_rad f8 0; omega_rad_s f8 8; current_a_a f8 16; c
 
 typedef struct {
     int64_t on;
+    int64_t flutes;
+    int64_t start;
+    double turns;
+    double tooth_s;
+    double gain;
+    double most_m_s;
+    double n_per_m;
+    double m;
+    double radial;
+    double edge_n;
+    double edge_radial_n;
+    double enter_rad;
+    double leave_rad;
+    double left;
+    double x_m_s;
+    double y_m_s;
+    double x_n;
+    double y_n;
+    double sum_x_n;
+    double sum_y_n;
+    double tool_m_per_n;
+    double bend_m[2];
+} CUT;
+_Static_assert(offsetof(CUT, on) == 0, "on");
+_Static_assert(offsetof(CUT, flutes) == 8, "flutes");
+_Static_assert(offsetof(CUT, start) == 16, "start");
+_Static_assert(offsetof(CUT, turns) == 24, "turns");
+_Static_assert(offsetof(CUT, tooth_s) == 32, "tooth_s");
+_Static_assert(offsetof(CUT, gain) == 40, "gain");
+_Static_assert(offsetof(CUT, most_m_s) == 48, "most_m_s");
+_Static_assert(offsetof(CUT, n_per_m) == 56, "n_per_m");
+_Static_assert(offsetof(CUT, m) == 64, "m");
+_Static_assert(offsetof(CUT, radial) == 72, "radial");
+_Static_assert(offsetof(CUT, edge_n) == 80, "edge_n");
+_Static_assert(offsetof(CUT, edge_radial_n) == 88, "edge_radial_n");
+_Static_assert(offsetof(CUT, enter_rad) == 96, "enter_rad");
+_Static_assert(offsetof(CUT, leave_rad) == 104, "leave_rad");
+_Static_assert(offsetof(CUT, left) == 112, "left");
+_Static_assert(offsetof(CUT, x_m_s) == 120, "x_m_s");
+_Static_assert(offsetof(CUT, y_m_s) == 128, "y_m_s");
+_Static_assert(offsetof(CUT, x_n) == 136, "x_n");
+_Static_assert(offsetof(CUT, y_n) == 144, "y_n");
+_Static_assert(offsetof(CUT, sum_x_n) == 152, "sum_x_n");
+_Static_assert(offsetof(CUT, sum_y_n) == 160, "sum_y_n");
+_Static_assert(offsetof(CUT, tool_m_per_n) == 168, "tool_m_per_n");
+_Static_assert(offsetof(CUT, bend_m) == 176, "bend_m");
+
+_Static_assert(sizeof(CUT) == 192, "CUT");
+
+TEXT layout_CUT = "on i8 0; flutes i8 8; start i8 16; turns f8 24; tooth_s f8 32; gain f8 40; most_m_s f8 48; n_per_m f8 56; m f8 64; radial f8 72; edge_n f8 80; edge_radial_n f8 88; enter_rad f8 96; leave_rad f8 104; left f8 112; x_m_s f8 120; y_m_s f8 128; x_n f8 136; y_n f8 144; sum_x_n f8 152; sum_y_n f8 160; tool_m_per_n f8 168; bend_m ('<f8', (2,)) 176; 192";
+
+typedef struct {
+    int64_t on;
     int64_t broken;
     int64_t at;
     double radius_m;
@@ -776,29 +503,268 @@ _Static_assert(sizeof(FEELER) == 168, "FEELER");
 TEXT layout_FEELER = "on i8 0; broken i8 8; at i8 16; radius_m f8 24; below_m f8 32; pretravel_m f8 40; lobing_m f8 48; over_m f8 56; force_n f8 64; force_z_n f8 72; rate_n_per_m f8 80; deflected_m f8 88; push_n ('<f8', (3,)) 96; sum_n ('<f8', (3,)) 120; mean_n ('<f8', (3,)) 144; 168";
 
 typedef struct {
-    int64_t kind;
-    double x_m;
-    double y_m;
-    double z_m;
-    double a_m;
-    double b_m;
-    double c_m;
-    double cosine;
-    double sine;
-} TARGET;
-_Static_assert(offsetof(TARGET, kind) == 0, "kind");
-_Static_assert(offsetof(TARGET, x_m) == 8, "x_m");
-_Static_assert(offsetof(TARGET, y_m) == 16, "y_m");
-_Static_assert(offsetof(TARGET, z_m) == 24, "z_m");
-_Static_assert(offsetof(TARGET, a_m) == 32, "a_m");
-_Static_assert(offsetof(TARGET, b_m) == 40, "b_m");
-_Static_assert(offsetof(TARGET, c_m) == 48, "c_m");
-_Static_assert(offsetof(TARGET, cosine) == 56, "cosine");
-_Static_assert(offsetof(TARGET, sine) == 64, "sine");
+    double ratio[6];
+    int64_t influence[6];
+    double speed_hz[7];
+    double acceleration_hz_per_s[7];
+    int64_t tool_speed;
+    double jump_hz;
+    double sharp_jump_hz;
+} GMI99_RULES;
+_Static_assert(offsetof(GMI99_RULES, ratio) == 0, "ratio");
+_Static_assert(offsetof(GMI99_RULES, influence) == 48, "influence");
+_Static_assert(offsetof(GMI99_RULES, speed_hz) == 96, "speed_hz");
+_Static_assert(offsetof(GMI99_RULES, acceleration_hz_per_s) == 152, "acceleration_hz_per_s");
+_Static_assert(offsetof(GMI99_RULES, tool_speed) == 208, "tool_speed");
+_Static_assert(offsetof(GMI99_RULES, jump_hz) == 216, "jump_hz");
+_Static_assert(offsetof(GMI99_RULES, sharp_jump_hz) == 224, "sharp_jump_hz");
 
-_Static_assert(sizeof(TARGET) == 72, "TARGET");
+_Static_assert(sizeof(GMI99_RULES) == 232, "GMI99_RULES");
 
-TEXT layout_TARGET = "kind i8 0; x_m f8 8; y_m f8 16; z_m f8 24; a_m f8 32; b_m f8 40; c_m f8 48; cosine f8 56; sine f8 64; 72";
+TEXT layout_GMI99_RULES = "ratio ('<f8', (6,)) 0; influence ('<i8', (6,)) 48; speed_hz ('<f8', (7,)) 96; acceleration_hz_per_s ('<f8', (7,)) 152; tool_speed i8 208; jump_hz f8 216; sharp_jump_hz f8 224; 232";
+
+typedef struct {
+    double low_m;
+    double high_m;
+    double rest_n;
+    double spring_n_per_m;
+    double damper_n_s_per_m;
+    double friction_n;
+    double creep_per_s;
+    double stuck_kg;
+    double force_n;
+} JOINT;
+_Static_assert(offsetof(JOINT, low_m) == 0, "low_m");
+_Static_assert(offsetof(JOINT, high_m) == 8, "high_m");
+_Static_assert(offsetof(JOINT, rest_n) == 16, "rest_n");
+_Static_assert(offsetof(JOINT, spring_n_per_m) == 24, "spring_n_per_m");
+_Static_assert(offsetof(JOINT, damper_n_s_per_m) == 32, "damper_n_s_per_m");
+_Static_assert(offsetof(JOINT, friction_n) == 40, "friction_n");
+_Static_assert(offsetof(JOINT, creep_per_s) == 48, "creep_per_s");
+_Static_assert(offsetof(JOINT, stuck_kg) == 56, "stuck_kg");
+_Static_assert(offsetof(JOINT, force_n) == 64, "force_n");
+
+_Static_assert(sizeof(JOINT) == 72, "JOINT");
+
+TEXT layout_JOINT = "low_m f8 0; high_m f8 8; rest_n f8 16; spring_n_per_m f8 24; damper_n_s_per_m f8 32; friction_n f8 40; creep_per_s f8 48; stuck_kg f8 56; force_n f8 64; 72";
+
+typedef struct {
+    double highest_hz;
+    double steps_per_mm;
+    double half_slip;
+    double limit_rad_s;
+    double origin_mm;
+    int64_t counter;
+    double fraction;
+    double rate_hz;
+} LANE;
+_Static_assert(offsetof(LANE, highest_hz) == 0, "highest_hz");
+_Static_assert(offsetof(LANE, steps_per_mm) == 8, "steps_per_mm");
+_Static_assert(offsetof(LANE, half_slip) == 16, "half_slip");
+_Static_assert(offsetof(LANE, limit_rad_s) == 24, "limit_rad_s");
+_Static_assert(offsetof(LANE, origin_mm) == 32, "origin_mm");
+_Static_assert(offsetof(LANE, counter) == 40, "counter");
+_Static_assert(offsetof(LANE, fraction) == 48, "fraction");
+_Static_assert(offsetof(LANE, rate_hz) == 56, "rate_hz");
+
+_Static_assert(sizeof(LANE) == 64, "LANE");
+
+TEXT layout_LANE = "highest_hz f8 0; steps_per_mm f8 8; half_slip f8 16; limit_rad_s f8 24; origin_mm f8 32; counter i8 40; fraction f8 48; rate_hz f8 56; 64";
+
+typedef struct {
+    double pending;
+    int64_t end_ns;
+    int64_t lead_ns;
+} LEAD;
+_Static_assert(offsetof(LEAD, pending) == 0, "pending");
+_Static_assert(offsetof(LEAD, end_ns) == 8, "end_ns");
+_Static_assert(offsetof(LEAD, lead_ns) == 16, "lead_ns");
+
+_Static_assert(sizeof(LEAD) == 24, "LEAD");
+
+TEXT layout_LEAD = "pending f8 0; end_ns i8 8; lead_ns i8 16; 24";
+
+typedef struct {
+    int64_t first;
+    int64_t last;
+    int64_t t;
+    int64_t rest;
+    int64_t step;
+    int64_t step_rest;
+    int64_t den;
+    int64_t rounded;
+    int64_t sign;
+    int64_t s;
+    double s_rest;
+    double f0;
+    double two_a;
+    double two_units;
+    double t_rest;
+} PHASE;
+_Static_assert(offsetof(PHASE, first) == 0, "first");
+_Static_assert(offsetof(PHASE, last) == 8, "last");
+_Static_assert(offsetof(PHASE, t) == 16, "t");
+_Static_assert(offsetof(PHASE, rest) == 24, "rest");
+_Static_assert(offsetof(PHASE, step) == 32, "step");
+_Static_assert(offsetof(PHASE, step_rest) == 40, "step_rest");
+_Static_assert(offsetof(PHASE, den) == 48, "den");
+_Static_assert(offsetof(PHASE, rounded) == 56, "rounded");
+_Static_assert(offsetof(PHASE, sign) == 64, "sign");
+_Static_assert(offsetof(PHASE, s) == 72, "s");
+_Static_assert(offsetof(PHASE, s_rest) == 80, "s_rest");
+_Static_assert(offsetof(PHASE, f0) == 88, "f0");
+_Static_assert(offsetof(PHASE, two_a) == 96, "two_a");
+_Static_assert(offsetof(PHASE, two_units) == 104, "two_units");
+_Static_assert(offsetof(PHASE, t_rest) == 112, "t_rest");
+
+_Static_assert(sizeof(PHASE) == 120, "PHASE");
+
+TEXT layout_PHASE = "first i8 0; last i8 8; t i8 16; rest i8 24; step i8 32; step_rest i8 40; den i8 48; rounded i8 56; sign i8 64; s i8 72; s_rest f8 80; f0 f8 88; two_a f8 96; two_units f8 104; t_rest f8 112; 120";
+
+typedef struct {
+    int64_t substep_ns;
+    int64_t window;
+    int64_t usual;
+    int64_t fine;
+    int64_t calm;
+    int64_t step_at;
+    int64_t rest_windows;
+    int64_t mj_step;
+    int64_t model;
+    int64_t data;
+    int64_t now;
+    int64_t quiet;
+    int64_t settled;
+    int64_t frozen;
+    int64_t frozen_at;
+    int64_t watched;
+    int64_t edge;
+    int64_t led_until_ns;
+    int64_t lost_dof;
+    int64_t uneven;
+    int64_t sample_every;
+    int64_t sample_at;
+    int64_t sample_ahead_ns;
+    int64_t sampled;
+    int64_t look_every;
+    int64_t look_at;
+    int64_t look_ahead_ns;
+    int64_t arrived;
+    int64_t struck;
+    int64_t held;
+} PLANT;
+_Static_assert(offsetof(PLANT, substep_ns) == 0, "substep_ns");
+_Static_assert(offsetof(PLANT, window) == 8, "window");
+_Static_assert(offsetof(PLANT, usual) == 16, "usual");
+_Static_assert(offsetof(PLANT, fine) == 24, "fine");
+_Static_assert(offsetof(PLANT, calm) == 32, "calm");
+_Static_assert(offsetof(PLANT, step_at) == 40, "step_at");
+_Static_assert(offsetof(PLANT, rest_windows) == 48, "rest_windows");
+_Static_assert(offsetof(PLANT, mj_step) == 56, "mj_step");
+_Static_assert(offsetof(PLANT, model) == 64, "model");
+_Static_assert(offsetof(PLANT, data) == 72, "data");
+_Static_assert(offsetof(PLANT, now) == 80, "now");
+_Static_assert(offsetof(PLANT, quiet) == 88, "quiet");
+_Static_assert(offsetof(PLANT, settled) == 96, "settled");
+_Static_assert(offsetof(PLANT, frozen) == 104, "frozen");
+_Static_assert(offsetof(PLANT, frozen_at) == 112, "frozen_at");
+_Static_assert(offsetof(PLANT, watched) == 120, "watched");
+_Static_assert(offsetof(PLANT, edge) == 128, "edge");
+_Static_assert(offsetof(PLANT, led_until_ns) == 136, "led_until_ns");
+_Static_assert(offsetof(PLANT, lost_dof) == 144, "lost_dof");
+_Static_assert(offsetof(PLANT, uneven) == 152, "uneven");
+_Static_assert(offsetof(PLANT, sample_every) == 160, "sample_every");
+_Static_assert(offsetof(PLANT, sample_at) == 168, "sample_at");
+_Static_assert(offsetof(PLANT, sample_ahead_ns) == 176, "sample_ahead_ns");
+_Static_assert(offsetof(PLANT, sampled) == 184, "sampled");
+_Static_assert(offsetof(PLANT, look_every) == 192, "look_every");
+_Static_assert(offsetof(PLANT, look_at) == 200, "look_at");
+_Static_assert(offsetof(PLANT, look_ahead_ns) == 208, "look_ahead_ns");
+_Static_assert(offsetof(PLANT, arrived) == 216, "arrived");
+_Static_assert(offsetof(PLANT, struck) == 224, "struck");
+_Static_assert(offsetof(PLANT, held) == 232, "held");
+
+_Static_assert(sizeof(PLANT) == 240, "PLANT");
+
+TEXT layout_PLANT = "substep_ns i8 0; window i8 8; usual i8 16; fine i8 24; calm i8 32; step_at i8 40; rest_windows i8 48; mj_step i8 56; model i8 64; data i8 72; now i8 80; quiet i8 88; settled i8 96; frozen i8 104; frozen_at i8 112; watched i8 120; edge i8 128; led_until_ns i8 136; lost_dof i8 144; uneven i8 152; sample_every i8 160; sample_at i8 168; sample_ahead_ns i8 176; sampled i8 184; look_every i8 192; look_at i8 200; look_ahead_ns i8 208; arrived i8 216; struck i8 224; held i8 232; 240";
+
+typedef struct {
+    double t;
+    double dt;
+    double s0;
+    double s1;
+    double v0;
+    double v1;
+} PLAN_PHASE;
+_Static_assert(offsetof(PLAN_PHASE, t) == 0, "t");
+_Static_assert(offsetof(PLAN_PHASE, dt) == 8, "dt");
+_Static_assert(offsetof(PLAN_PHASE, s0) == 16, "s0");
+_Static_assert(offsetof(PLAN_PHASE, s1) == 24, "s1");
+_Static_assert(offsetof(PLAN_PHASE, v0) == 32, "v0");
+_Static_assert(offsetof(PLAN_PHASE, v1) == 40, "v1");
+
+_Static_assert(sizeof(PLAN_PHASE) == 48, "PLAN_PHASE");
+
+TEXT layout_PLAN_PHASE = "t f8 0; dt f8 8; s0 f8 16; s1 f8 24; v0 f8 32; v1 f8 40; 48";
+
+typedef struct {
+    double length;
+    double speed;
+    double limit;
+    double acceleration;
+    double entry;
+} PLAN_PIECE;
+_Static_assert(offsetof(PLAN_PIECE, length) == 0, "length");
+_Static_assert(offsetof(PLAN_PIECE, speed) == 8, "speed");
+_Static_assert(offsetof(PLAN_PIECE, limit) == 16, "limit");
+_Static_assert(offsetof(PLAN_PIECE, acceleration) == 24, "acceleration");
+_Static_assert(offsetof(PLAN_PIECE, entry) == 32, "entry");
+
+_Static_assert(sizeof(PLAN_PIECE) == 40, "PLAN_PIECE");
+
+TEXT layout_PLAN_PIECE = "length f8 0; speed f8 8; limit f8 16; acceleration f8 24; entry f8 32; 40";
+
+typedef struct {
+    int64_t place;
+    int64_t line;
+    int64_t time;
+    int64_t begin;
+    int64_t problem;
+    int64_t column;
+    int64_t rows;
+    int64_t part;
+} SCAN;
+_Static_assert(offsetof(SCAN, place) == 0, "place");
+_Static_assert(offsetof(SCAN, line) == 8, "line");
+_Static_assert(offsetof(SCAN, time) == 16, "time");
+_Static_assert(offsetof(SCAN, begin) == 24, "begin");
+_Static_assert(offsetof(SCAN, problem) == 32, "problem");
+_Static_assert(offsetof(SCAN, column) == 40, "column");
+_Static_assert(offsetof(SCAN, rows) == 48, "rows");
+_Static_assert(offsetof(SCAN, part) == 56, "part");
+
+_Static_assert(sizeof(SCAN) == 64, "SCAN");
+
+TEXT layout_SCAN = "place i8 0; line i8 8; time i8 16; begin i8 24; problem i8 32; column i8 40; rows i8 48; part i8 56; 64";
+
+typedef struct {
+    double start_m;
+    double travel_m_per_rad;
+    double cyclic_m;
+    double soft_m_per_n;
+    double free_m;
+    double rod_n;
+} SCREW;
+_Static_assert(offsetof(SCREW, start_m) == 0, "start_m");
+_Static_assert(offsetof(SCREW, travel_m_per_rad) == 8, "travel_m_per_rad");
+_Static_assert(offsetof(SCREW, cyclic_m) == 16, "cyclic_m");
+_Static_assert(offsetof(SCREW, soft_m_per_n) == 24, "soft_m_per_n");
+_Static_assert(offsetof(SCREW, free_m) == 32, "free_m");
+_Static_assert(offsetof(SCREW, rod_n) == 40, "rod_n");
+
+_Static_assert(sizeof(SCREW) == 48, "SCREW");
+
+TEXT layout_SCREW = "start_m f8 0; travel_m_per_rad f8 8; cyclic_m f8 16; soft_m_per_n f8 24; free_m f8 32; rod_n f8 40; 48";
 
 typedef struct {
     int64_t on;
@@ -844,63 +810,6 @@ _Static_assert(sizeof(SUPPLY) == 144, "SUPPLY");
 TEXT layout_SUPPLY = "on i8 0; gate i8 8; steady i8 16; voltage_v f8 24; source_v f8 32; source_ohm f8 40; charge_decay f8 48; window_s f8 56; capacitance_f f8 64; chopper_v f8 72; chopper_ohm f8 80; undervoltage_v f8 88; release_v f8 96; energy_j f8 104; mean_j f8 112; magnetic_j f8 120; drawn_j f8 128; dumped_j f8 136; 144";
 
 typedef struct {
-    double low_m;
-    double high_m;
-    double rest_n;
-    double spring_n_per_m;
-    double damper_n_s_per_m;
-    double friction_n;
-    double creep_per_s;
-    double stuck_kg;
-    double force_n;
-} JOINT;
-_Static_assert(offsetof(JOINT, low_m) == 0, "low_m");
-_Static_assert(offsetof(JOINT, high_m) == 8, "high_m");
-_Static_assert(offsetof(JOINT, rest_n) == 16, "rest_n");
-_Static_assert(offsetof(JOINT, spring_n_per_m) == 24, "spring_n_per_m");
-_Static_assert(offsetof(JOINT, damper_n_s_per_m) == 32, "damper_n_s_per_m");
-_Static_assert(offsetof(JOINT, friction_n) == 40, "friction_n");
-_Static_assert(offsetof(JOINT, creep_per_s) == 48, "creep_per_s");
-_Static_assert(offsetof(JOINT, stuck_kg) == 56, "stuck_kg");
-_Static_assert(offsetof(JOINT, force_n) == 64, "force_n");
-
-_Static_assert(sizeof(JOINT) == 72, "JOINT");
-
-TEXT layout_JOINT = "low_m f8 0; high_m f8 8; rest_n f8 16; spring_n_per_m f8 24; damper_n_s_per_m f8 32; friction_n f8 40; creep_per_s f8 48; stuck_kg f8 56; force_n f8 64; 72";
-
-typedef struct {
-    double pending;
-    int64_t end_ns;
-    int64_t lead_ns;
-} LEAD;
-_Static_assert(offsetof(LEAD, pending) == 0, "pending");
-_Static_assert(offsetof(LEAD, end_ns) == 8, "end_ns");
-_Static_assert(offsetof(LEAD, lead_ns) == 16, "lead_ns");
-
-_Static_assert(sizeof(LEAD) == 24, "LEAD");
-
-TEXT layout_LEAD = "pending f8 0; end_ns i8 8; lead_ns i8 16; 24";
-
-typedef struct {
-    double start_m;
-    double travel_m_per_rad;
-    double cyclic_m;
-    double soft_m_per_n;
-    double free_m;
-    double rod_n;
-} SCREW;
-_Static_assert(offsetof(SCREW, start_m) == 0, "start_m");
-_Static_assert(offsetof(SCREW, travel_m_per_rad) == 8, "travel_m_per_rad");
-_Static_assert(offsetof(SCREW, cyclic_m) == 16, "cyclic_m");
-_Static_assert(offsetof(SCREW, soft_m_per_n) == 24, "soft_m_per_n");
-_Static_assert(offsetof(SCREW, free_m) == 32, "free_m");
-_Static_assert(offsetof(SCREW, rod_n) == 40, "rod_n");
-
-_Static_assert(sizeof(SCREW) == 48, "SCREW");
-
-TEXT layout_SCREW = "start_m f8 0; travel_m_per_rad f8 8; cyclic_m f8 16; soft_m_per_n f8 24; free_m f8 32; rod_n f8 40; 48";
-
-typedef struct {
     int64_t axis;
     int64_t sense;
     double strike;
@@ -916,6 +825,97 @@ _Static_assert(offsetof(SWITCH, struck) == 32, "struck");
 _Static_assert(sizeof(SWITCH) == 40, "SWITCH");
 
 TEXT layout_SWITCH = "axis i8 0; sense i8 8; strike f8 16; release f8 24; struck i8 32; 40";
+
+typedef struct {
+    int64_t kind;
+    double x_m;
+    double y_m;
+    double z_m;
+    double a_m;
+    double b_m;
+    double c_m;
+    double cosine;
+    double sine;
+} TARGET;
+_Static_assert(offsetof(TARGET, kind) == 0, "kind");
+_Static_assert(offsetof(TARGET, x_m) == 8, "x_m");
+_Static_assert(offsetof(TARGET, y_m) == 16, "y_m");
+_Static_assert(offsetof(TARGET, z_m) == 24, "z_m");
+_Static_assert(offsetof(TARGET, a_m) == 32, "a_m");
+_Static_assert(offsetof(TARGET, b_m) == 40, "b_m");
+_Static_assert(offsetof(TARGET, c_m) == 48, "c_m");
+_Static_assert(offsetof(TARGET, cosine) == 56, "cosine");
+_Static_assert(offsetof(TARGET, sine) == 64, "sine");
+
+_Static_assert(sizeof(TARGET) == 72, "TARGET");
+
+TEXT layout_TARGET = "kind i8 0; x_m f8 8; y_m f8 16; z_m f8 24; a_m f8 32; b_m f8 40; c_m f8 48; cosine f8 56; sine f8 64; 72";
+
+typedef struct {
+    int64_t quantity;
+    int64_t axis;
+    double sense;
+    double limit;
+    double hysteresis;
+    int64_t passed;
+} THRESHOLD;
+_Static_assert(offsetof(THRESHOLD, quantity) == 0, "quantity");
+_Static_assert(offsetof(THRESHOLD, axis) == 8, "axis");
+_Static_assert(offsetof(THRESHOLD, sense) == 16, "sense");
+_Static_assert(offsetof(THRESHOLD, limit) == 24, "limit");
+_Static_assert(offsetof(THRESHOLD, hysteresis) == 32, "hysteresis");
+_Static_assert(offsetof(THRESHOLD, passed) == 40, "passed");
+
+_Static_assert(sizeof(THRESHOLD) == 48, "THRESHOLD");
+
+TEXT layout_THRESHOLD = "quantity i8 0; axis i8 8; sense f8 16; limit f8 24; hysteresis f8 32; passed i8 40; 48";
+
+typedef struct {
+    int64_t step_ns;
+    double tolerance_mm;
+    double reach_mm;
+    double time_limit_s;
+    double time_weight;
+    double deviation_weight;
+    double abort_penalty;
+    int64_t until_ns;
+    int64_t began_ns;
+    int64_t piece;
+    double way_mm;
+    double tool_mm[3];
+    int64_t rest_ns;
+    double led_mm;
+    double deviation_mm;
+    double edge;
+    double reward_progress;
+    double reward_time;
+    double reward_deviation;
+    double reward_abort;
+} TRACK;
+_Static_assert(offsetof(TRACK, step_ns) == 0, "step_ns");
+_Static_assert(offsetof(TRACK, tolerance_mm) == 8, "tolerance_mm");
+_Static_assert(offsetof(TRACK, reach_mm) == 16, "reach_mm");
+_Static_assert(offsetof(TRACK, time_limit_s) == 24, "time_limit_s");
+_Static_assert(offsetof(TRACK, time_weight) == 32, "time_weight");
+_Static_assert(offsetof(TRACK, deviation_weight) == 40, "deviation_weight");
+_Static_assert(offsetof(TRACK, abort_penalty) == 48, "abort_penalty");
+_Static_assert(offsetof(TRACK, until_ns) == 56, "until_ns");
+_Static_assert(offsetof(TRACK, began_ns) == 64, "began_ns");
+_Static_assert(offsetof(TRACK, piece) == 72, "piece");
+_Static_assert(offsetof(TRACK, way_mm) == 80, "way_mm");
+_Static_assert(offsetof(TRACK, tool_mm) == 88, "tool_mm");
+_Static_assert(offsetof(TRACK, rest_ns) == 112, "rest_ns");
+_Static_assert(offsetof(TRACK, led_mm) == 120, "led_mm");
+_Static_assert(offsetof(TRACK, deviation_mm) == 128, "deviation_mm");
+_Static_assert(offsetof(TRACK, edge) == 136, "edge");
+_Static_assert(offsetof(TRACK, reward_progress) == 144, "reward_progress");
+_Static_assert(offsetof(TRACK, reward_time) == 152, "reward_time");
+_Static_assert(offsetof(TRACK, reward_deviation) == 160, "reward_deviation");
+_Static_assert(offsetof(TRACK, reward_abort) == 168, "reward_abort");
+
+_Static_assert(sizeof(TRACK) == 176, "TRACK");
+
+TEXT layout_TRACK = "step_ns i8 0; tolerance_mm f8 8; reach_mm f8 16; time_limit_s f8 24; time_weight f8 32; deviation_weight f8 40; abort_penalty f8 48; until_ns i8 56; began_ns i8 64; piece i8 72; way_mm f8 80; tool_mm ('<f8', (3,)) 88; rest_ns i8 112; led_mm f8 120; deviation_mm f8 128; edge f8 136; reward_progress f8 144; reward_time f8 152; reward_deviation f8 160; reward_abort f8 168; 176";
 
 typedef struct {
     PLANT *plant;

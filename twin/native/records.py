@@ -47,7 +47,7 @@ def text() -> str:
     }
     if len(named) < sum(len(names) for names in NUMBERS.values()):
         raise ValueError("NUMBERS: two have one name")
-    order = [name for name in RECORDS if not POINTED[name]] + [name for name in RECORDS if POINTED[name]]
+    order = sorted(RECORDS, key=lambda name: (bool(POINTED[name]), name))  # whatever was imported first
     parts = [
         "/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */\n"
         "#pragma once\n#include <stddef.h>\n\n"
