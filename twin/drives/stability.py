@@ -289,7 +289,7 @@ def limit_rad_s(motor: Motor, stage: Stage, screw: Screw, guide_friction_n: floa
     return _limit_rad_s(motor, stage, guide_friction_n * screw.travel_m_per_rad / screw.efficiency, shaft)
 
 
-@lru_cache(64)
+@lru_cache(1024)  # three axes of some hundred machines, as searches have them
 def _limit_rad_s(motor: Motor, stage: Stage, load_nm: float, shaft: Screw) -> float:
     limit = Bench(motor, stage, load_nm, shaft).limit()
     return limit.speed_rpm * math.pi / 30.0 if limit.swings else math.inf

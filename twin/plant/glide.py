@@ -1,4 +1,4 @@
-"""MuJoCo's step written out (glide.h): for which machines, and its constants: sliding joints between their stops,
+"""Machines for which MuJoCo's step is written out (glide.h), and its constants: sliding joints between their stops,
 without contact. That gives the numbers of `mj_step` at a thirtieth of its cost.
 
 All constants are MuJoCo's own. When the plant is built, a few states are compared with MuJoCo's steps: if they differ,

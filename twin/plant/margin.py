@@ -31,7 +31,7 @@ SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
 SPEEDS = 256  # entries: up to 510 rad/s, where no motor here has torque; the last one holds for all beyond
 
 
-@lru_cache(64)
+@lru_cache(1024)  # three axes of some hundred machines, as searches have them
 def available_torque(motor: Motor, stage: Stage) -> NDArray[np.float64]:
     """float64 [SPEEDS], largest mean torque of the currents in N m at 0, SPEED_STEP_RAD_S, ... of the shaft; read-only.
     The first is the torque of a current vector at rest, without losses of single steps."""
