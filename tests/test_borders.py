@@ -75,8 +75,8 @@ def test_only_the_pseudo_terminal_needs_posix() -> None:
 ROOMS = re.findall(
     r"[\w.]+",
     """
-    version base native models drives motion cam controller language machine firmware plant wiring core testing jobs capture
-    recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.linuxcnc bridge.pytest
+    version base native models drives motion cam controller language machine firmware plant wiring core testing jobs
+    capture recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.linuxcnc bridge.pytest
     bridge.editor bridge.fmu bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
     __main__
     """,
