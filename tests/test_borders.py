@@ -76,8 +76,8 @@ ROOMS = re.findall(
     r"[\w.]+",
     """
     version base native models drives motion cam controller language machine firmware plant wiring core testing jobs
-    capture recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.linuxcnc bridge.pytest
-    bridge.editor bridge.fmu bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
+    capture recordings report many envs bridge.serve bridge.operate bridge.tap bridge.virtual bridge.linuxcnc
+    bridge.pytest bridge.editor bridge.fmu bridge.mtconnect bridge.opcua bridge.robot bridge.demo cli
     __main__
     """,
 )
