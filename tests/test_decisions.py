@@ -15,9 +15,12 @@ NUMBERS = {room: [int(number) for number in re.findall(r"^\*\*(\d+)\. ", text, r
 CITED = re.compile(rf"(?<![\w/.])({'|'.join(ROOMS)})/(\d+)\b(?!/)")
 
 
+SUFFIXES = (".py", ".c", ".h", ".md", ".toml", ".xml")
+
+
 def files() -> Iterator[Path]:
     for folder in ("twin", "bridge", "envs", "models", "tests", "docs"):
-        yield from (p for p in sorted((ROOT / folder).rglob("*")) if p.suffix in (".py", ".c", ".h", ".md", ".toml", ".xml"))
+        yield from (p for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SUFFIXES)
 
 
 @cache

@@ -103,9 +103,13 @@ class Core:
             found = ctypes.CDLL(str(self.path))
         except OSError as error:
             raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
-        if self._source is None:
-            self.abreast = bool(found.has_avx2()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
-            ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
+        try:
+            ctypes.c_char_p.in_dll(found, "core_prototypes")
+            if self._source is None:
+                self.abreast = bool(found["has_avx2"]()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
+                ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
+        except (AttributeError, ValueError):  # which __getattr__ must not see
+            raise CoreError(f"{self.path}: is no library of this source; {compiling.REMEDY}") from None
         return found
 
     def text(self, name: str) -> str:

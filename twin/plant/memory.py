@@ -1,7 +1,7 @@
 """The data of the compiled loop: records of numbers, and one small record with all their addresses.
 
-A call of the loop passes one argument, and every field has a name. The arrays belong to `Built` and to MuJoCo; a MEMORY
-holds only their addresses.
+A call of the loop passes one argument (plant/26), and every field has a name. The arrays belong to `Built` and to
+MuJoCo; a MEMORY holds only their addresses.
 
     Parts of arrays  --- memory_of --->  MEMORY, in C a struct of pointers
 """
