@@ -160,12 +160,13 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
         if array is None:
             kinds.append(None)
         else:
-            dtype = _ELEMENTS.get(array[3]) or RECORDS.get(array[3])
+            dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3]) or RECORDS.get(array[3])
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
             kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument, dtype.names is None))
     # of plain arrays this is the fastest way to the address; of records it would spell out their fields
-    count, buffer, byref = len(kinds), ctypes.c_char.from_buffer, ctypes.byref
+    buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+    count, byref = len(kinds), ctypes.byref
 
     def call(*given: Any) -> Any:
         if len(given) != count:
