@@ -17,7 +17,7 @@ from isel_twin.native import compiling
 
 FOLDER = Path(__file__).parent
 _NUMBERS = {"int64_t": ctypes.c_int64, "double": ctypes.c_double}
-_ELEMENTS = {
+_ELEMENTS: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
     "int16_t": np.dtype(np.int16),
@@ -160,7 +160,7 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
         if array is None:
             kinds.append(None)
         else:
-            dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3]) or RECORDS.get(array[3])
+            dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3], RECORDS.get(array[3]))
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
             kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument, dtype.names is None))
