@@ -164,7 +164,7 @@ def test_a_move_that_is_not_made_has_neither_held_nor_lost(controller: str, mach
     beyond = replace(STALL, to_mm=1000.0, held_hz=middle_hz / 1.02, lost_hz=middle_hz * 1.02)
     session = stand_alone("day", Measured(stalls=(beyond,)), controller)
     with pytest.raises(MeasuredError, match=r"^stall of x: [^\n]* the move to 1000 mm"):
-        predict(session, load_machine(machine))
+        Model(load_machine(machine), [], [session]).predictions([np.zeros(0)])
 
 
 def test_a_file_keeps_what_was_seen_from_one_side(tmp_path: Path) -> None:
