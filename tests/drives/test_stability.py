@@ -65,6 +65,18 @@ def test_a_kick_dies_below_the_limit_and_grows_above(motor: Motor, stage: Stage,
     assert growth_per_s(motor, stage, load_nm, screw, 1.05 * limit.speed_rpm) > 0.5
 
 
+def test_where_a_kick_hardly_dies_no_limit_is_told() -> None:
+    """A motor of little inductance with 0.7 of it: about 955 rev/min growth creeps through 0, with -0.3 to +0.1 a second
+    at 0.95 of that."""
+    motor = MOTORS["57STH56-2804MAC"]
+    light = replace(motor, inductance_h=0.6 * 1.02**8 * motor.inductance_h)
+    rest_nm, screw = motor.torque_constant_nm_per_a * motor.rated_current_a, Screw(motor.rotor_inertia_kgm2)
+    screw, stage = replace(screw, coulomb_nm=swings.FRICTION * rest_nm), Stage(36.0, motor.rated_current_a)
+    load_nm = swings.LOAD * rest_nm
+    assert growth_per_s(light, stage, load_nm, screw, 0.95 * 955.0) > -0.5
+    assert Bench(light, stage, load_nm, screw).limit().ends == "unsure"
+
+
 def test_what_moves_the_limit() -> None:
     """Supply and inductance most, current less, load little, inertia not at all."""
     by_supply = [limit_rpm(stage=replace(AT_48_V, supply_v=v)) for v in (24.0, 36.0, 48.0, 60.0)]
