@@ -48,7 +48,7 @@ def limit_rpm(
         (NEMA23, replace(AT_48_V, supply_v=24.0), 0.05),
         (NEMA23, AT_48_V, 0.12),
         (NEMA23, replace(AT_48_V, supply_v=72.0), 0.6),
-        (NEMA23, replace(AT_48_V, kind="mixed"), 0.12),
+        (NEMA23, replace(AT_48_V, kind="mixed", mixed_decay=0.3), 0.12),
         (NEMA23, replace(AT_48_V, current_a=0.7 * 4.2), 0.12),
         (replace(NEMA23, inductance_h=0.8 * 3.2e-3), AT_48_V, 0.12),
         (replace(NEMA23, iron_loss_ohm=NEMA23.iron_loss_ohm / 2.0), AT_48_V, 0.12),
