@@ -420,8 +420,8 @@ def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
         twin.run(SETTLE_S)
         if twin.counts[axis] != target[axis] and not twin.drive_faults[axis][0]:
             raise MeasuredError(
-                f"stall of {stall.axis}: the controller does not make the move to {mm:g} mm at {how.speed_hz} Hz, so it "
-                "says nothing of losses; look at from_mm, to_mm and its ramp"
+                f"stall of {stall.axis}: the controller does not make the move to {mm:g} mm at {how.speed_hz} Hz, so "
+                "it says nothing of losses; look at from_mm, to_mm and its ramp"
             )
         if how is settings and bool(lost(twin.lost_steps[axis] - before, twin.slip_steps[axis])):
             return True
