@@ -151,7 +151,7 @@ def test_a_saturated_motor_is_as_weak_on_the_bench_as_in_the_closed_form() -> No
 
 
 @pytest.mark.parametrize(
-    ("kind", "share", "gain"), [("slow", 0, 0), ("mixed", 0.3, 0), ("fast", 1, 0), ("digital", 1, 2)]
+    ("kind", "share", "gain"), [("slow", 0, 0), ("mixed", 0.6, 0), ("fast", 1, 0), ("digital", 1, 2)]
 )
 def test_kinds_of_stages(kind: str, share: float, gain: float) -> None:
     stage = Stage(supply_v=48.0, current_a=4.2, kind=kind)

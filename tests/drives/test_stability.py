@@ -48,7 +48,7 @@ def limit_rpm(
         (NEMA23, replace(AT_48_V, supply_v=24.0), 0.05),
         (NEMA23, AT_48_V, 0.12),
         (NEMA23, replace(AT_48_V, supply_v=72.0), 0.6),
-        (NEMA23, replace(AT_48_V, kind="mixed"), 0.12),
+        (NEMA23, replace(AT_48_V, kind="mixed", mixed_decay=0.3), 0.12),
         (NEMA23, replace(AT_48_V, current_a=0.7 * 4.2), 0.12),
         (replace(NEMA23, inductance_h=0.8 * 3.2e-3), AT_48_V, 0.12),
         (replace(NEMA23, iron_loss_ohm=NEMA23.iron_loss_ohm / 2.0), AT_48_V, 0.12),
@@ -63,6 +63,32 @@ def test_a_kick_dies_below_the_limit_and_grows_above(motor: Motor, stage: Stage,
     assert limit.swings
     assert growth_per_s(motor, stage, load_nm, screw, 0.95 * limit.speed_rpm) < -0.5
     assert growth_per_s(motor, stage, load_nm, screw, 1.05 * limit.speed_rpm) > 0.5
+
+
+def test_where_a_kick_hardly_dies_no_limit_is_told() -> None:
+    """A motor of little inductance with 0.7 of it: growth creeps through 0 about 955 rev/min, and is -0.3 to +0.1 a
+    second at 0.95 of that."""
+    motor = MOTORS["57STH56-2804MAC"]
+    light = replace(motor, inductance_h=0.6 * 1.02**8 * motor.inductance_h)
+    rest_nm, screw = motor.torque_constant_nm_per_a * motor.rated_current_a, Screw(motor.rotor_inertia_kgm2)
+    screw, stage = replace(screw, coulomb_nm=swings.FRICTION * rest_nm), Stage(36.0, motor.rated_current_a)
+    load_nm = swings.LOAD * rest_nm
+    assert growth_per_s(light, stage, load_nm, screw, 0.95 * 955.0) > -0.5
+    assert Bench(light, stage, load_nm, screw).limit().ends == "unsure"
+
+
+@pytest.mark.parametrize(("name", "supply_v"), [("QSH6018-86-28-310", 29.65), ("AS1060", 36.0)])
+def test_where_torque_ends_no_limit_of_a_swing_is_told(name: str, supply_v: float) -> None:
+    """A stage that damps, to where the load angle is 160 degrees: little beyond there is no rotation, or what grows is
+    no swing. A motor that runs up gently drops out before it is there."""
+    motor = MOTORS[name]
+    motor = replace(motor, inductance_h=(1.0 if supply_v < 36.0 else 0.6 * 1.02**16) * motor.inductance_h)
+    stage = Stage(supply_v, motor.rated_current_a, kind="digital")
+    rest_nm = motor.torque_constant_nm_per_a * motor.rated_current_a
+    screw = Screw(motor.rotor_inertia_kgm2, swings.FRICTION * rest_nm)
+    limit = Bench(motor, stage, swings.LOAD * rest_nm, screw).limit()
+    assert not limit.swings
+    assert growth_per_s(motor, stage, swings.LOAD * rest_nm, screw, 0.95 * limit.speed_rpm) == math.inf
 
 
 def test_what_moves_the_limit() -> None:

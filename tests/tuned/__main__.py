@@ -1,11 +1,11 @@
 """python -m tests.tuned grid | beyond | others JOB: what `isel-twin tune` finds, judged by what did not find it.
 
-    grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster than
-                   the fastest that holds (what loses steps loses them with more of anything)
+    grid [NAME]    jobs on all controllers: 25 trials against a grid, of which everything is tried that is faster, from
+                   the slowest of it on (what loses steps loses them with more of anything)
     beyond         ways of 200 mm with speeds beyond that from which on a swing grows: on the machine as it is, against
                    the best by hand; and whether anything there holds on 149 machines
     others JOB     a job on 200 machines that are drawn as somebody else would: uniformly within the tolerances of
-                   sheets and catalogues, all at once
+                   sheets and catalogues, all at once; stages that fall for 0.3 to 1 of the time (--fast: 1)
 
 All take minutes. Exit code 1 if a tuned job is slower than the grid's or the one by hand, if anything
 beyond holds, or if more than 2 % of the machines lose steps.
@@ -38,7 +38,7 @@ from isel_twin.many.tuning.study import Study
 
 JOBS = Path(__file__).parents[1] / "jobs"
 TRIALS = 25
-SLOWER = 1.01  # of the tuned job's time over the grid's: the grid's own step is more
+SLOWER = 1.05  # most of the tuned job's time over that of the fastest on the grid
 MOST_LOST = 0.02
 START = "@07\n@0R7\n@0j300\n@0J100\n"
 
@@ -113,10 +113,12 @@ def grid(name: str, workers: int) -> bool:
     study.run(TRIALS, crew_of(workers))
     held = [one for one in study.tried if one.judgement.good and one.judgement.margin >= case.margin]
     found = min(held, key=lambda one: one.judgement.time_s)
+    fastest_s, fastest = found.judgement.time_s, "none faster"
     lost: list[dict[str, int]] = []
     tried = 0
-    for place in sorted(case.places(), key=case.time_s):
-        if any(all(place[key] >= theirs for key, theirs in gone.items()) for gone in lost):
+    faster = [(time_s, place) for place in case.places() if (time_s := case.time_s(place)) < fastest_s]
+    for time_s, place in sorted(faster, key=lambda one: -one[0]):
+        if time_s >= fastest_s or any(all(place[key] >= theirs for key, theirs in gone.items()) for gone in lost):
             continue
         tried += 1
         numbers = range(problem.repetitions + 1)
@@ -124,16 +126,15 @@ def grid(name: str, workers: int) -> bool:
         assert made is not None
         outcome = Judgement.of(made)
         if outcome.good and outcome.margin >= case.margin:
-            break
-        lost.append(place)
-    else:
-        raise AssertionError("nothing on the grid holds")
+            fastest_s, fastest = outcome.time_s, f"{outcome.time_s:.3f} s {place}"
+        else:
+            lost.append(place)
     print(
-        f"{name}: tuned {found.judgement.time_s:.3f} s in {len(study.tried)} trials {dict(found.values)}; grid "
-        f"{outcome.time_s:.3f} s in {tried} {place}",
+        f"{name}: tuned {found.judgement.time_s:.3f} s in {len(study.tried)} trials {dict(found.values)}; grid: "
+        f"{fastest}, {tried} tried of {len(faster)} that would be faster, of {len(case.places())}",
         flush=True,
     )
-    return found.judgement.time_s <= SLOWER * outcome.time_s
+    return found.judgement.time_s <= SLOWER * fastest_s
 
 
 def beyond(workers: int) -> bool:
@@ -164,12 +165,13 @@ def beyond(workers: int) -> bool:
     return found_s[0] <= BY_HAND_S and not holding
 
 
-def machines(spec: TwinSpec, number: int, seed: int) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Seeds and overrides of machines as somebody else would draw them."""
+def machines(spec: TwinSpec, number: int, seed: int, fast: bool) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Seeds and overrides of machines as somebody else would draw them. fast: stages of all decay fast."""
     tree = spec.fitted().tree
-    random = np.random.default_rng([seed, 1_000_003])
+    random, decays = np.random.default_rng([seed, 1_000_003]), np.random.default_rng([seed, 1_000_033])
     for each in range(number):
-        overrides: dict[str, Any] = {}
+        stages = {"kind": "mixed", "mixed_decay": 1.0 if fast else decays.uniform(0.3, 1.0)}
+        overrides: dict[str, Any] = {f"axes.all.stage.{key}": value for key, value in stages.items()}
 
         def put(key: str, factor: float) -> None:
             entry: Any = tree
@@ -207,11 +209,11 @@ def _lost(work: tuple[str, TwinSpec]) -> str:
     )
 
 
-def others(job: Path, number: int, seed: int, workers: int) -> bool:
+def others(job: Path, number: int, seed: int, workers: int, fast: bool) -> bool:
     spec = TwinSpec()
     work = [
         (job.read_text(), spec.with_(seed=each, overrides=overrides))
-        for each, overrides in machines(spec, number, seed)
+        for each, overrides in machines(spec, number, seed, fast)
     ]
     lost = [axes for axes in in_order(_lost, work, crew_of(workers)) if axes]
     print(f"{job}: {len(lost)} of {number} machines lose steps, on {', '.join(sorted(set(lost))) or 'no axis'}")
@@ -224,6 +226,7 @@ def main() -> int:
     parser.add_argument("jobs", nargs="*", help=f"of grid: {', '.join(CASES)}; of others: files")
     parser.add_argument("--number", type=int, default=200, help="of machines")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--fast", action="store_true", help="others: with stages of fast decay, as the job was tuned")
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     if asked.what == "grid":
@@ -231,7 +234,7 @@ def main() -> int:
     elif asked.what == "beyond":
         good = [beyond(asked.workers)]
     else:
-        good = [others(Path(job), asked.number, asked.seed, asked.workers) for job in asked.jobs]
+        good = [others(Path(job), asked.number, asked.seed, asked.workers, asked.fast) for job in asked.jobs]
     return 0 if all(good) else 1
 
 

@@ -26,7 +26,8 @@ With electronic damping its two states belong to x as well. The slope is that of
 - the supply feeds it: the swing grows by more than what the falling part of the law of the iron could feed, which was
   fitted to torques and not to swings (motor.py). Without that, a motor of little inductance had its limit at the knee
   of the law, where a swing takes a second to grow by a half;
-- at 0.95 of it a swing dies and at 1.05 it grows, with half and with twice as many sub-steps, too;
+- at 0.95 of it a swing dies and at 1.05 it grows, by more than what the line may see in error, with half and with
+  twice as many sub-steps, too; where there is no rotation any more, or what grows does not swing, torque has ended;
 - so does a kick of 6 degrees in the time domain;
 - it is below LAST_RPM, up to where the law was fitted to makers' curves.
 
@@ -68,7 +69,8 @@ FIRST_RPM = 60.0
 LAST_RPM = 1500.0  # of the curves to which the law was fitted (docs/fidelity.md)
 NEARER, FARTHER = 0.95, 1.05  # of a limit: where a swing dies, and where it grows
 FED = 0.85  # least part of the speed from which on the supply feeds a swing that the limit may be
-SLIGHT_PER_S = 0.5  # growth that the line through so large a swing may see where there is none
+SLIGHT_PER_S = 0.5  # growth, or decay, that the line through so large a swing may see where there is none
+SLOW_HZ = 1.0  # of what grows without swinging: out of step, the torque is used up
 SWING = 0.1  # of currents and speed, and rad: as far as the slope reaches, and the kick
 POINTS = 4  # on each side
 KICK_S = 0.25
@@ -183,7 +185,9 @@ class Bench:
         answers: set[bool | None] = set()
         for finer in (0.5, 1.0, 2.0):
             there = self._steady(factor * near.rotation.speed_rpm, near, finer)
-            answers.add(there is None or not there.rotation.stable)
+            swing = None if there is None or there.rotation.swing_hz < SLOW_HZ else there.rotation
+            growth_per_s = 0.0 if swing is None else swing.growth_per_s
+            answers.add(None if abs(growth_per_s) < SLIGHT_PER_S else growth_per_s > 0.0)
         if there is not None:
             answers.add(there.map_.kicked(there.state))
         return answers

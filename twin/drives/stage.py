@@ -66,8 +66,8 @@ class Stage:
     thermal_limit_c: float = number("C", -50.0, 300.0, key="thermal_limit", optional=True, default=85.0)
     # how a current falls
     kind: str = word(*KINDS, default="fast")
-    # of kind mixed: part of the time in which a falling current flows against the supply (driver ICs: 0.1 to 0.6)
-    mixed_decay: float = number("1", 0.0, 1.0, key="mixed_decay", optional=True, default=0.3)
+    # of kind mixed: part of the time in which a falling current flows against the supply; amid what is drawn (jobs/19)
+    mixed_decay: float = number("1", 0.0, 1.0, key="mixed_decay", optional=True, default=0.6)
     # electronic damping: advance of the current vector over the swing of the load angle; 0: none; nan: by kind.
     # Microstep only.
     damping_gain: float = number("1", 0.0, MOST_DAMPING, key="damping_gain", optional=True, default=math.nan)

@@ -45,7 +45,7 @@ F = TypeVar("F", bound=Feeler)
 STEPS_PER_REV = Limits("1", 200.0, 51_200.0, whole=True)  # full steps of the motor times the stage's microsteps
 _DECAY: Final[Mapping[str, Any]] = {  # of a stage that does not say it (drives/14)
     "kind": {"value": "fast", "grade": "estimate", "source": "not stated; analogue choppers decay fast or mixed"},
-    "mixed_decay": {"value": 0.3, "unit": "1", "grade": "estimate", "source": "of kind mixed: the least that is drawn"},
+    "mixed_decay": {"value": 0.6, "unit": "1", "grade": "estimate", "source": "of kind mixed: amid what is drawn"},
 }
 STRIBECK_MM_S = Limits("mm/s", 0.01, 100.0)  # carriage speed at which half of the excess over Coulomb friction is gone
 MASS_KG = Limits("kg", 1e-3, 1e4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -72,7 +73,9 @@ def test_the_result_is_a_machine(fitted: tuple[Fit, list[Prospect]], found: Foun
     assert machine.axes[2].stage.supply_v == pytest.approx(values["supply"], rel=1e-5)
     assert machine.axes[1].guide_friction_n == 30.0
     entry = machine.tree["axes"]["x"]["backlash"]
-    assert entry["grade"] == ("measured" if fitted[0].measured(fitted[0].estimates[1]) else "fitted")
+    low, high = entry["interval"]
+    assert math.log(high / low) > 0.5 * math.log(0.04 / 0.01), "three places: more than half of the prior is left"
+    assert entry["grade"] == "fitted"
     assert "95 %" in entry["source"]
     assert "first" in entry["source"]
     assert 'grade = "fitted"' in patch(fitted[0], found.believed, "4030", "found", CONTROLLER, ["first"], [])

@@ -154,6 +154,19 @@ def test_a_stand_in_tells_that_the_first_speed_lost_and_that_none_did(monkeypatc
         assert (found.held_hz, found.lost_hz) == (held_hz, lost_hz)
 
 
+@pytest.mark.parametrize(
+    ("controller", "machine", "middle_hz"),
+    [("imc-s8", "4030", 3000.0), ("imc-s8", "4030", 20000.0), ("bwo900", "4030-servo", 10000.0)],
+)
+def test_a_move_that_is_not_made_has_neither_held_nor_lost(controller: str, machine: str, middle_hz: float) -> None:
+    """Beyond its travel of 395 mm an axis runs into its switch, and stops there at any speed; without a ramp it loses
+    steps by that, from some speed on."""
+    beyond = replace(STALL, to_mm=1000.0, held_hz=middle_hz / 1.02, lost_hz=middle_hz * 1.02)
+    session = stand_alone("day", Measured(stalls=(beyond,)), controller)
+    with pytest.raises(MeasuredError, match=r"^stall of x: [^\n]* the move to 1000 mm"):
+        Model(load_machine(machine), [], [session]).predictions([np.zeros(0)])
+
+
 def test_a_file_keeps_what_was_seen_from_one_side(tmp_path: Path) -> None:
     file = tmp_path / "day.toml"
     file.write_text(written(Measured(stalls=(NEVER, AT_ONCE))))

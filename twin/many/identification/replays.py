@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from isel_twin.base.crew import Crew, in_order
 from isel_twin.base.files import appending, atomic_write
 from isel_twin.base.parameters import parse_json
-from isel_twin.machine import Machine
+from isel_twin.machine import Machine, MachineError
 from isel_twin.machine.spread import numbers
 from isel_twin.many.identification.session import Session, predict
 from isel_twin.many.identification.unknowns import Unknown, candidate, changes
@@ -78,11 +78,11 @@ class Replays:
 
 
 def replayed(call: Call) -> Floats:
-    """One session on one candidate, for worker processes; nan if it cannot be built."""
+    """One session on one candidate, for worker processes; nan if it cannot be built. Raises MeasuredError."""
     session, machine, unknowns, values = call
     try:
         return predict(session, candidate(machine, unknowns, values))
-    except ValueError:
+    except MachineError:
         return np.full(len(session.data), math.nan)
 
 

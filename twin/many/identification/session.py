@@ -45,7 +45,7 @@ from isel_twin.jobs.verdict import lost
 from isel_twin.language import Language, MoveSettings, create_language, needed
 from isel_twin.machine import Machine, with_overrides
 from isel_twin.many.identification.hands import SETTLE_S, Pulls, let_go, shown_mm
-from isel_twin.many.identification.measured import Act, Measured, Reading, Ring, Stall
+from isel_twin.many.identification.measured import Act, Measured, MeasuredError, Reading, Ring, Stall
 from isel_twin.recordings.compare import paired, traffic
 from isel_twin.recordings.reading import Recorded, RecordingError
 from isel_twin.wiring import EVENT_KEYS, ScenarioError, event_now
@@ -402,7 +402,9 @@ def stall_speed_hz(twin: Twin, stall: Stall) -> float:
 
 
 def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
-    """True if the move there and back loses steps at that speed."""
+    """True if the move there and back loses steps at that speed. Raises MeasuredError if it is not made: then it has
+    neither held nor lost (jobs/18).
+    """
     axis = CARRIAGES.index(stall.axis)
     language = needed(twin.language, twin.controller_name)
     settings = MoveSettings(speed_hz, stall.acceleration_hz_per_ms, stall.start_stop_hz)
@@ -416,6 +418,11 @@ def stalls(twin: Twin, stall: Stall, speed_hz: int) -> bool:
         for data in language.move(target, how):
             converse(twin, data)
         twin.run(SETTLE_S)
+        if twin.counts[axis] != target[axis] and not twin.drive_faults[axis][0]:
+            raise MeasuredError(
+                f"stall of {stall.axis}: the controller does not make the move to {mm:g} mm at {how.speed_hz} Hz, so "
+                "it says nothing of losses; look at from_mm, to_mm and its ramp"
+            )
         if how is settings and bool(lost(twin.lost_steps[axis] - before, twin.slip_steps[axis])):
             return True
     return False
