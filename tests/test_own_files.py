@@ -245,6 +245,7 @@ ALLOWED = {
     "twin/recordings/container.py": "a file without a name",
     "twin/recordings/npz.py": "into an archive that the door has opened",
     "twin/capture/player.py": "into memory",
+    "twin/native/compiling.py": "stands alone: it runs before the package is installed",
     "bridge/serve/keeping.py": "a new folder of its own in the temporary folder",
     "bridge/serve/pty.py": "the link to a pseudo terminal, which replaces nothing",
     "bridge/serve/registry.py": "a rename within a folder of this user alone",

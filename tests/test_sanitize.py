@@ -21,7 +21,7 @@ core.scan_dump(data, keys, np.zeros(1, SCAN), levels, levels, levels, np.zeros(9
 
 
 def test_a_debug_build_tells_of_an_array_that_is_too_short(tmp_path: Path) -> None:
-    built = compiling.build(tmp_path / f"core{compiling.SUFFIX}", extra=("-DDEBUG",))
+    built = compiling.build(tmp_path / f"core{compiling.suffix()}", extra=("-DDEBUG",))
     done = subprocess.run(
         [sys.executable, "-c", TOO_SHORT], env=os.environ | {"ISEL_TWIN_CORE": str(built)},
         capture_output=True, text=True, check=False, timeout=PATIENCE_S,

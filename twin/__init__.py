@@ -2,7 +2,8 @@
 
 The rooms, in the order of the data:
 
-    base/        what every room uses: units, axes, errors, values read from files, files with one owner, compiled code
+    base/        what every room uses: units, axes, errors, values read from files, files with one owner
+    native/      the compiled core: a small C library; its C stands in the rooms, beside the Python that calls it
     controller/  the border between a firmware and everything around it: bytes, levels, time, motion
     cam/         job files of CAM programs: NCP, G-code and HPGL, read into toolpaths; what is common to writing them
     language/    the other border: what the bytes mean to people and tools

@@ -7,3 +7,4 @@ from typing import Final
 MICROSECOND_NS: Final = 1_000
 MILLISECOND_NS: Final = 1_000_000
 SECOND_NS: Final = 1_000_000_000
+IN_C = ("SECOND_NS",)  # records.h has them, too

@@ -52,6 +52,7 @@ _RATE = re.compile(r"samplerate:\s*([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)Hz", re.IGNOR
 _CHANNELS = re.compile(r"channels\s*(?:\([^)]*\))?:\s*(.+)", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]*)?(?:[eE][+-]?[0-9]+)?")
 NO_BIT, SHORT_ROW, TOO_LATE, NO_COUNT = range(6, 10)
+IN_C = ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT")  # records.h has them, too
 _PROBLEMS = {
     NO_TIME: "the time is no decimal number; export times in seconds",
     EARLIER: "the time is less than the one before; sort the rows by time",

@@ -43,6 +43,7 @@ LOST, FOUND, ALL = 64, 128, 63  # added to a signal that loses its level or has 
 _SECTION = re.compile(r"\$(\w+)\s(.*?)\$end(?=\s|$)", re.DOTALL)
 _UNITS_FS = {"s": 10**15, "ms": 10**12, "us": 10**9, "ns": 10**6, "ps": 10**3, "fs": 1}
 NO_TIME, EARLIER, NO_VALUE, NO_SIGNAL, NO_END = range(1, 6)
+IN_C = ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END")  # records.h has them, too
 _PROBLEMS = {
     NO_TIME: "the time is no whole number, or too large",
     EARLIER: "the time is less than the one before",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST_NS = 10**18  # longest capture, 31 years: sums of some of them fit into 64 bits
+IN_C = ("LONGEST_NS",)  # records.h has them, too
 
 
 class CaptureError(ValueError):

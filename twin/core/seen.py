@@ -24,6 +24,7 @@ _MOVING_SLICE_NS = 10 * MILLISECOND_NS  # time after which to look again while s
 
 
 SLOW_RAD_S = 1.0  # no motor swings at ten revolutions a minute
+IN_C = ("SLOW_RAD_S",)  # records.h has them, too
 
 
 class Seen:

@@ -16,6 +16,7 @@ OPEN = 0  # `phases`: both phases open, the motor is limp
 PHASE_A = 1  # `phases`: phase A alone is connected (a broken wire in B)
 PHASE_B = 2  # `phases`: phase B alone is connected (a broken wire in A)
 BOTH = 3  # `phases`: the stage drives both phases
+IN_C = ("OPEN", "PHASE_A", "PHASE_B", "BOTH")  # records.h has them, too
 SMOOTHING = 5.0  # corner of the smoothed command over that of the damping, so that it does not amplify single pulses
 _fields = AXIS_PARAMETERS.names or ()  # all have eight bytes
 _MOTOR = slice(_fields.index("microstep_rad"), _fields.index("damping_share") + 1)

@@ -14,6 +14,7 @@ from isel_twin.drives.shaft import AXIS_PARAMETERS, SERVO, lay_shaft
 
 LAG_FAULT = 1  # `fault`: the following error has passed its limit
 VOLTAGE_FAULT = 2  # `fault`: the common supply had too little voltage while the drive was on
+IN_C = ("LAG_FAULT", "VOLTAGE_FAULT")  # records.h has them, too
 CAUSES: Mapping[int, str] = {0: "", LAG_FAULT: "following error exceeded", VOLTAGE_FAULT: "too little supply voltage"}
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from isel_twin.base.parameters import check, number
 
 I2T_BACK = 0.9  # I2t below which an overload is over
+IN_C = ("I2T_BACK",)  # records.h has them, too
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from isel_twin.native import record
 
 STEPPER = 0  # `kind`: open loop, two phases (stepper.h)
 SERVO = 1  # `kind`: closed loop (servo.h)
+IN_C = ("STEPPER", "SERVO")  # records.h has them, too
 
 # constants of one axis drive; built by `axis_parameters` and `servo_parameters`
 AXIS_PARAMETERS = record(

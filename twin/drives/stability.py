@@ -78,6 +78,7 @@ SURE = 0.9  # by which a kick must have faded in KICK_S, or grown by its inverse
 NEAR = 1e-3  # of currents, speed and rad: the last step of Newton's method; ten times that where stairs hinder it
 PATIENCE = 600  # quarter periods
 STATES = 6  # currents, speed, load angle; smoothed command and low pass of the electronic damping
+IN_C = ("STATES",)  # records.h has them, too
 AT_REST = axis_states(1)
 
 

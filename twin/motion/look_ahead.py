@@ -25,6 +25,7 @@ LENGTH, SPEED, LIMIT, ACCELERATION, ENTRY = range(5)  # columns of a table of pi
 T, DT, S0, S1, V0, V1 = range(6)  # columns of phases
 FRACTIONS = 65536.0  # displacements are multiples of 1/FRACTIONS increment, so that sums are exact (motion/13)
 FARTHEST = 2.0**31
+IN_C = ("FARTHEST", "FRACTIONS")  # records.h has them, too
 
 # messages by the number that `core.faults` returns
 FAULTS = (

@@ -28,11 +28,6 @@
 #define STEPPER 0
 #define SERVO 1
 #define STATES 6
-#define DONE 1
-#define OUTSIDE 2
-#define STEPS_LOST 4
-#define IDLE -2
-#define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
 #define STRAIGHT 1e-09
 #define RIGHT_ANGLE_DEG 90.0
 #define FARTHEST 2147483648.0
@@ -57,6 +52,11 @@
 #define NEWS 2
 #define PULSE_NS 5000
 #define SETUP_NS 1000
+#define DONE 1
+#define OUTSIDE 2
+#define STEPS_LOST 4
+#define IDLE -2
+#define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
 
 typedef struct {
     int64_t dof;

@@ -3,50 +3,37 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+from isel_twin.base.files import atomic_write
 from isel_twin.native.library import POINTED, RECORDS, layout
 
-MODULES = (  # these import all others
-    "isel_twin.capture.table", "isel_twin.envs.tracking", "isel_twin.firmware.gmi99.planner",
-    "isel_twin.motion.look_ahead", "isel_twin.motion.time_law", "isel_twin.plant.built", "isel_twin.plant.following",
-)  # fmt: skip
-# numbers that C has by the same name
-NUMBERS = {
-    "isel_twin.base.units": ("SECOND_NS",),
-    "isel_twin.capture.table": ("IS_TIME", "NO_BIT", "SHORT_ROW", "TOO_LATE", "NO_COUNT"),
-    "isel_twin.capture.vcd": ("ALL", "LOST", "FOUND", "NO_TIME", "EARLIER", "NO_VALUE", "NO_SIGNAL", "NO_END"),
-    "isel_twin.capture.wave": ("LONGEST_NS",),
-    "isel_twin.core.seen": ("SLOW_RAD_S",),
-    "isel_twin.drives.dynamics": ("OPEN", "PHASE_A", "PHASE_B", "BOTH"),
-    "isel_twin.drives.servo": ("LAG_FAULT", "VOLTAGE_FAULT"),
-    "isel_twin.drives.servo_drive": ("I2T_BACK",),
-    "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
-    "isel_twin.drives.stability": ("STATES",),
-    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
-    "isel_twin.firmware.gmi99.planner": ("STRAIGHT", "RIGHT_ANGLE_DEG"),
-    "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
-    "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),
-    "isel_twin.plant.memory": (
-        "AXES", "SAMPLES", "FAR_M", "NEVER", "KEPT", "SAME", "APART", "FRESH", "PARTED_MM", "POSITION", "LAG", "TOUCH",
-    ),
-    "isel_twin.plant.touch": ("BOX", "RING", "PLANE", "NEWS"),
-    "isel_twin.recordings.vcd": ("PULSE_NS", "SETUP_NS"),
-}  # fmt: skip
+ROOMS = {"isel_twin": Path(__file__).parents[1], "isel_twin.envs": Path(__file__).parents[2] / "envs"}
 WIDE = "AXIS_PARAMETERS", "AXIS_STATE", "AXIS"  # records that the law of drives has side by side (lanes.h)
 HEADER = Path(__file__).parent / "records.h"
 _TYPES = {"f8": "double", "i8": "int64_t", "i4": "int32_t"}
 
 
+def _modules() -> Iterator[ModuleType]:
+    """All modules with records or numbers `IN_C`."""
+    for package, folder in ROOMS.items():
+        for path in sorted(folder.rglob("*.py")):
+            source = path.read_text("utf-8")
+            if path.parent != HEADER.parent and ("= record(" in source or "\nIN_C = " in source):
+                yield importlib.import_module(".".join((package, *path.relative_to(folder).with_suffix("").parts)))
+
+
 def text() -> str:
     """The text of records.h: for each record its struct, its layout for Python and what holds for it in C."""
-    for module in MODULES:
-        importlib.import_module(module)
-    named = {
-        name: getattr(importlib.import_module(module), name) for module, names in NUMBERS.items() for name in names
-    }
-    if len(named) < sum(len(names) for names in NUMBERS.values()):
-        raise ValueError("NUMBERS: two have one name")
+    named: dict[str, Any] = {}
+    for module in _modules():
+        for name in getattr(module, "IN_C", ()):
+            if name in named:
+                raise ValueError(f"{module.__name__}: {name}: another module has a number of that name IN_C")
+            named[name] = getattr(module, name)
     order = sorted(RECORDS, key=lambda name: (bool(POINTED[name]), name))  # whatever was imported first
     parts = [
         "/* Written by `python -m isel_twin.native.records` from the records and numbers in Python. */\n"
@@ -73,4 +60,4 @@ def text() -> str:
 
 
 if __name__ == "__main__":
-    HEADER.write_text(text(), "utf-8")
+    atomic_write(HEADER, text().encode())

@@ -29,6 +29,7 @@ from isel_twin.drives.stage import Stage
 
 SPEED_STEP_RAD_S = 2.0  # distance of the speeds in a table of available torque
 SPEEDS = 256  # entries: up to 510 rad/s, where no motor here has torque; the last one holds for all beyond
+IN_C = ("SPEED_STEP_RAD_S", "SPEEDS")  # records.h has them, too
 
 
 @lru_cache(1024)  # three axes of some hundred machines, as searches have them

@@ -103,6 +103,20 @@ APART, TOUCHING, FRESH = 0, 1, 2  # of two shapes that must not meet; fresh: nob
 PARTED_MM = 0.5  # by which they have to part to be apart again (plant/20)
 
 POSITION, LAG, FAULT, TOUCH = 0, 1, 2, 3  # quantities of thresholds
+IN_C = (
+    "AXES",
+    "SAMPLES",
+    "FAR_M",
+    "NEVER",
+    "KEPT",
+    "SAME",
+    "APART",
+    "FRESH",
+    "PARTED_MM",
+    "POSITION",
+    "LAG",
+    "TOUCH",
+)  # records.h has them, too
 
 # passed when sense * (position - limit) > 0 or |lag| - limit > 0 or there is a fault, left hysteresis below that
 THRESHOLD = record(

@@ -58,6 +58,7 @@ TARGET = record(
     ],
 )
 NEWS = 2  # of `broken`
+IN_C = ("BOX", "RING", "PLANE", "NEWS")  # records.h has them, too
 EXACT_MM = 1e-6  # to which a place between two others is found
 
 

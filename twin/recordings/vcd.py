@@ -52,6 +52,7 @@ from isel_twin.recordings.recorder import Change, Samples
 
 PULSE_NS = 5000  # longest high time of a step pulse
 SETUP_NS = 1000  # time by which a direction is set before its first pulse
+IN_C = ("PULSE_NS", "SETUP_NS")  # records.h has them, too
 PINS = {
     f"{signal}_{axis}": f"pin{2 + 2 * i + j}"
     for i, axis in enumerate("xyz")

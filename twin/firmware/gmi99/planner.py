@@ -36,6 +36,7 @@ SHORTEST_S = 0.012  # least duration of a line segment (1.2)
 FACTORS = ((50_000, 1), (100_000, 2), (200_000, 4), (400_000, 8), (500_000, 10), (1_000_000, 20))
 STRAIGHT = 1e-9  # change of direction that counts as none: rounding of two moves along one line
 RIGHT_ANGLE_DEG = 90.0
+IN_C = ("STRAIGHT", "RIGHT_ANGLE_DEG")  # records.h has them, too
 FULL_RATIO = 65535.0
 MOST_OVERRIDE = 125.0  # "Erhöht um 25 %" (3.1.1 f)
 GMI99_RULES = record(
