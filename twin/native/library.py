@@ -29,6 +29,8 @@ _ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)\)")
 _POINTER = re.compile(r"(?:const )?(\w+) \*\w+")
 _NUMBER = re.compile(r"(int64_t|double) (\w+)")
 
+_BUFFER: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+
 RECORDS: dict[str, np.dtype[np.void]] = {}  # by the name of the C struct
 POINTED: dict[str, dict[str, str]] = {}  # of a record: C types of what its fields of addresses point to
 
@@ -56,6 +58,8 @@ def layout(dtype: np.dtype[np.void]) -> str:
 
 def address(array: NDArray[Any]) -> int:
     """Where the first element is. Keep the array as long as the address."""
+    if array.flags.writeable and array.size and array.dtype.names is None:  # a quarter of the time, but of records
+        return ctypes.addressof(_BUFFER(array))
     return int(array.ctypes.data)
 
 
@@ -66,11 +70,12 @@ class Core:
 
     def __init__(self, source: Path | None = None) -> None:
         self._source = source
+        self._raw: dict[str, Any] = {}
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        made = _checked(self._function(name), name, _arguments(self.prototype(name)))
+        made = _checked(self.raw(name), name, _arguments(self.prototype(name)))
         setattr(self, name, made)
         return made
 
@@ -87,7 +92,9 @@ class Core:
 
     def raw(self, name: str) -> Any:
         """A function that takes addresses and numbers as C does: after the address of an array come its dimensions."""
-        return self._function(name)
+        if name not in self._raw:
+            self._raw[name] = self._function(name)
+        return self._raw[name]
 
     @functools.cached_property
     def path(self) -> Path:
@@ -154,7 +161,7 @@ def _arguments(prototype: str) -> list[str]:
 
 
 def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
-    kinds: list[tuple[np.dtype[Any], int, bool, str, bool] | None] = []
+    kinds: list[tuple[np.dtype[Any], int, bool, str] | None] = []
     for argument in arguments:
         array = _ARRAY.fullmatch(argument)
         if array is None:
@@ -163,10 +170,8 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3], RECORDS.get(array[3]))
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
-            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument, dtype.names is None))
-    # of plain arrays this is the fastest way to the address; of records it would spell out their fields
-    buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
-    count, byref = len(kinds), ctypes.byref
+            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument))
+    count = len(kinds)
 
     def call(*given: Any) -> Any:
         if len(given) != count:
@@ -176,7 +181,7 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             if kind is None:
                 flat.append(argument)
                 continue
-            dtype, dimensions, written, text, plain = kind
+            dtype, dimensions, written, text = kind
             if (
                 not isinstance(argument, np.ndarray)
                 or (argument.dtype is not dtype and argument.dtype != dtype)
@@ -185,10 +190,7 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
                 or (argument.ndim != dimensions if dimensions else not argument.size)
             ):
                 raise TypeError(f"{name}: {text}: got {_described(argument)}")
-            if plain and flags.writeable and argument.size:
-                flat.append(byref(buffer(argument)))
-            else:
-                flat.append(argument.ctypes.data)
+            flat.append(address(argument))
             if dimensions:
                 flat.extend(argument.shape)
         return function(*flat)
