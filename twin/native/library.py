@@ -25,9 +25,12 @@ _ELEMENTS: dict[str, np.dtype[Any]] = {
     "int64_t": np.dtype(np.int64),
     "double": np.dtype(np.float64),
 }
-_ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)\)")
+_ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)((?:, [^,)]+)*)\)")
+_LENGTH = re.compile(r"(?:(\d+) \* )?([a-z]\w*)(?: \+ (\d+))?")
 _POINTER = re.compile(r"(?:const )?(\w+) \*\w+")
 _NUMBER = re.compile(r"(int64_t|double) (\w+)")
+
+_Length = tuple[int, str, int]  # times a length of that name, and so many more
 
 RECORDS: dict[str, np.dtype[np.void]] = {}  # by the name of the C struct
 POINTED: dict[str, dict[str, str]] = {}  # of a record: C types of what its fields of addresses point to
@@ -154,7 +157,7 @@ def _arguments(prototype: str) -> list[str]:
 
 
 def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
-    kinds: list[tuple[np.dtype[Any], int, bool, str, bool] | None] = []
+    kinds: list[tuple[np.dtype[Any], int, bool, str, bool, list[_Length]] | None] = []
     for argument in arguments:
         array = _ARRAY.fullmatch(argument)
         if array is None:
@@ -163,7 +166,8 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3], RECORDS.get(array[3]))
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
-            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument, dtype.names is None))
+            dimensions = {"R": 0, "A1": 1, "A2": 2}[array[1]]
+            kinds.append((dtype, dimensions, array[2] is None, argument, dtype.names is None, _lengths(array[5])))
     # of plain arrays this is the fastest way to the address; of records it would spell out their fields
     buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
     count, byref = len(kinds), ctypes.byref
@@ -172,11 +176,12 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
         if len(given) != count:
             raise TypeError(f"{name}: takes {count} arguments, not {len(given)}: {', '.join(arguments)}")
         flat: list[Any] = []
+        known: dict[str, int] = {}
         for kind, argument in zip(kinds, given, strict=True):
             if kind is None:
                 flat.append(argument)
                 continue
-            dtype, dimensions, written, text, plain = kind
+            dtype, dimensions, written, text, plain, lengths = kind
             if (
                 not isinstance(argument, np.ndarray)
                 or (argument.dtype is not dtype and argument.dtype != dtype)
@@ -185,6 +190,9 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
                 or (argument.ndim != dimensions if dimensions else not argument.size)
             ):
                 raise TypeError(f"{name}: {text}: got {_described(argument)}")
+            for (times, word, more), length in zip(lengths, argument.shape, strict=False):
+                if times * known.setdefault(word, (length - more) // times if word else 0) + more != length:
+                    raise TypeError(f"{name}: {text}: got {_described(argument)}{_with(word, known)}")
             if plain and flags.writeable and argument.size:
                 flat.append(byref(buffer(argument)))
             else:
@@ -195,6 +203,19 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
 
     call.__name__ = name
     return call
+
+
+def _lengths(text: str) -> list[_Length]:
+    """The lengths that a prototype gives an array; none, or one a dimension. A number is 0 times nothing, and more."""
+    found: list[_Length] = []
+    for given in text.split(", ")[1:]:
+        word = _LENGTH.fullmatch(given)
+        found.append((int(word[1] or 1), word[2], int(word[3] or 0)) if word else (0, "", int(given)))
+    return found
+
+
+def _with(word: str, known: dict[str, int]) -> str:
+    return f", with {word} = {known[word]}" if word else ""
 
 
 def _described(argument: Any) -> str:

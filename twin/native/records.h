@@ -33,6 +33,7 @@
 #define STEPS_LOST 4
 #define IDLE -2
 #define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
+#define SIZE 35
 #define STRAIGHT 1e-09
 #define RIGHT_ANGLE_DEG 90.0
 #define FARTHEST 2147483648.0

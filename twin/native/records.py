@@ -23,7 +23,7 @@ NUMBERS = {
     "isel_twin.drives.servo_drive": ("I2T_BACK",),
     "isel_twin.drives.shaft": ("STEPPER", "SERVO"),
     "isel_twin.drives.stability": ("STATES",),
-    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM"),
+    "isel_twin.envs.tracking": ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM", "SIZE"),
     "isel_twin.firmware.gmi99.planner": ("STRAIGHT", "RIGHT_ANGLE_DEG"),
     "isel_twin.motion.look_ahead": ("FARTHEST", "FRACTIONS"),
     "isel_twin.plant.margin": ("SPEED_STEP_RAD_S", "SPEEDS"),

@@ -417,13 +417,14 @@ API void advance_alone(MEMORY *memory, int64_t until_ns) {
 }
 
 /* `margin`, `bite` and `glide` for arrays in Python: closed forms are compared with them. available_nm [SPEEDS]. */
-API double margin_at(A1(const double, available_nm), double torque_nm, double lag_full_steps, double speed_rad_s,
-                     double fraction) {
+API double margin_at(A1(const double, available_nm, SPEEDS), double torque_nm, double lag_full_steps,
+                     double speed_rad_s, double fraction) {
     return margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction);
 }
 API void bite_once(R(CUT, cut), int64_t now, double x_m_s, double y_m_s) { bite(cut, now, x_m_s, y_m_s); }
-API int64_t glide_once(A1(JOINT, joints), A2(const double, mobility), double h_s, A1(double, qpos), A1(double, qvel),
-                       A1(double, qacc), A1(double, qacc_smooth), A1(const double, qfrc)) {
+API int64_t glide_once(A1(JOINT, joints, n), A2(const double, mobility, n, n), double h_s, A1(double, qpos, n),
+                       A1(double, qvel, n), A1(double, qacc, n), A1(double, qacc_smooth, n),
+                       A1(const double, qfrc, n)) {
     return glide(joints, mobility, joints_n, h_s, qpos, qvel, qacc, qacc_smooth, qfrc);
 }
 
