@@ -61,7 +61,8 @@ API void sines(double angle_rad, A1(double, found)) { sine_and_cosine(angle_rad,
 
 static void one_by_one(const AXIS_PARAMETERS *p, AXIS_STATE *s, ROWS_OF) {
     for (int64_t k = 0; k < 4 * n; k++)
-        nut_n[k] = step_axis(&p[k % 4], &s[k % 4], command[k], phases[k], fraction[k], place_m[k], speed_m_s[k], load_nm[k]);
+        nut_n[k] = step_axis(&p[k % 4], &s[k % 4], command[k], phases[k], fraction[k], place_m[k], speed_m_s[k],
+                             load_nm[k]);
 }
 
 #if WIDE
@@ -83,7 +84,8 @@ static void side_by_side(const AXIS_PARAMETERS *p, AXIS_STATE *s, ROWS_OF) {
 #undef FIELD_int64_t
     for (int64_t k = 0; k < 4 * n; k += 4) {
         M4 stages = {phases[k], phases[k + 1], phases[k + 2], phases[k + 3]};
-        TORQUE_4 motor = stepper_torque_4(&drive, &state, four(&command[k]), stages, four(&fraction[k]), four(&load_nm[k]));
+        V4 load = four(&load_nm[k]);
+        TORQUE_4 motor = stepper_torque_4(&drive, &state, four(&command[k]), stages, four(&fraction[k]), load);
         V4 force_n = turn_4(&drive, &state, motor, four(&place_m[k]), four(&speed_m_s[k]));
         memcpy(&nut_n[k], &force_n, sizeof force_n);
     }

@@ -65,7 +65,7 @@ def address(array: NDArray[Any]) -> int:
 class Core:
     """The functions of the library, by name; or of that of another C file than core.c."""
 
-    abreast: bool  # once it is loaded: three axes go side by side in a register, with the same bits (lanes.h)
+    abreast: bool  # once it is loaded: axes go side by side in a register, with the same bits (drives/19)
 
     def __init__(self, source: Path | None = None) -> None:
         self._source = source

@@ -14,7 +14,7 @@ from isel_twin.drives.shaft import axis_states
 from isel_twin.drives.stage import Stage
 from isel_twin.native import core
 
-SUBSTEPS = 4000
+STRETCHES, LONG = 20, 200  # of sub-steps alike
 
 
 def drawn_drive(rng: np.random.Generator) -> NDArray[np.void]:
@@ -42,13 +42,14 @@ def drawn_drive(rng: np.random.Generator) -> NDArray[np.void]:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_side_by_side_is_one_by_one(seed: int) -> None:
-    """Ramps up to far too fast, rests, wires that break and come back, pushes: what a motor does in and out of step. Without AVX2 both are one by one."""
+    """Ramps up to far too fast, rests, wires that break and come back, pushes: what a motor does in and out of step.
+    Without AVX2 both are one by one."""
     rng = np.random.default_rng(seed)
     drives = np.concatenate([drawn_drive(rng) for _ in range(4)])
-    stretch = np.repeat(rng.uniform(-1.0, 1.0, (20, 4)) * rng.choice([0.0, 0.05, 0.3, 4.0], (20, 4)), SUBSTEPS // 20, axis=0)
-    command = np.cumsum(stretch, axis=0)
-    phases = np.repeat(rng.choice([BOTH, BOTH, BOTH, PHASE_A, PHASE_B, OPEN], (20, 4)), SUBSTEPS // 20, axis=0)
-    fraction = np.repeat(rng.choice([1.0, 0.5], (20, 4)), SUBSTEPS // 20, axis=0)
+    rates = rng.uniform(-1.0, 1.0, (STRETCHES, 4)) * rng.choice([0.0, 0.05, 0.3, 4.0], (STRETCHES, 4))
+    command = np.cumsum(np.repeat(rates, LONG, axis=0), axis=0)
+    phases = np.repeat(rng.choice([BOTH, BOTH, BOTH, PHASE_A, PHASE_B, OPEN], (STRETCHES, 4)), LONG, axis=0)
+    fraction = np.repeat(rng.choice([1.0, 0.5], (STRETCHES, 4)), LONG, axis=0)
     place_m = np.cumsum(rng.normal(0.0, 1e-7, command.shape), axis=0)
     load_nm = rng.normal(0.0, 0.1, command.shape)
     found = []
