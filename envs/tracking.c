@@ -222,8 +222,8 @@ INLINE int64_t step_of(const PLACE *place, const double *action, double *observa
         int64_t last = first;
         while (last < n && place->t_ns[last] <= track->until_ns)
             last++;
-        advance_to(memory, track->until_ns, &place->t_ns[first], last - first, &place->delta[AXES * first], AXES, NULL,
-                   0, 0);
+        advance(memory, track->until_ns, &place->t_ns[first], last - first, &place->delta[AXES * first], AXES, NULL,
+                0, 0);
         first = last;
         find_tool(place, tool_mm);
         progress_mm += follow_to(place, tool_mm);

@@ -15,7 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from isel_twin.bridge.mtconnect import adapter
-from isel_twin.bridge.mtconnect.items import ITEMS, UNAVAILABLE, devices, values
+from isel_twin.bridge.mtconnect.items import ITEMS, devices, values
 from isel_twin.bridge.pytest.kept import ServedTwin
 from isel_twin.core.spec import TwinSpec
 from tests.fuzz.mutate import either, in_turn, reshaped
@@ -164,7 +164,7 @@ def split(line: str) -> list[str]:
 def _agent(path: Path) -> None:
     """Each agent gets whole lines with PONG for each PING, and a stranger is dropped."""
     made = adapter.Adapter("127.0.0.1:0", dict)
-    made._tell(dict.fromkeys((item.key for item in ITEMS), UNAVAILABLE))
+    made._tell(dict.fromkeys(item.key for item in ITEMS))
     host, _, port = made.address.rpartition(":")
     try:
         with socket.create_connection((host, int(port)), timeout=5.0) as agent:

@@ -25,7 +25,7 @@ INLINE int64_t ramp_time(const PHASE *phase, int64_t k) {
     double x = phase->two_units * d / (sqrt(phase->f0 * phase->f0 + phase->two_a * d) + phase->f0);
     double y = phase->t_rest + (double)phase->sign * x;
     double n = rint(y);
-    return 0.5 - fabs(y - n) <= DOUBT * (x + 1.0) ? UNDECIDED : phase->t + (int64_t)n;
+    return 0.5 - fabs(y - n) > DOUBT * (x + 1.0) ? phase->t + (int64_t)n : UNDECIDED; /* nan, too, is undecided */
 }
 
 /* Write the times of ticks first + 1, first + 2, ... to out, from index `done` on, up to one that is undecided; return

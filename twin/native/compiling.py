@@ -159,7 +159,8 @@ def _flags(command: list[str], target: str) -> list[str]:
 def _run(line: list[str], shown: bool = False) -> str:
     """Run a compiler: nothing, or its first line that tells of an error."""
     try:
-        done = subprocess.run(line, stdout=subprocess.DEVNULL, stderr=None if shown else subprocess.PIPE, text=True)
+        told = None if shown else subprocess.PIPE
+        done = subprocess.run(line, stdout=subprocess.DEVNULL, stderr=told, text=True, errors="replace")
     except OSError as error:
         return f"{line[0]}: {error.strerror}"
     if done.returncode == 0:

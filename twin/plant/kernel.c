@@ -355,9 +355,14 @@ static void tell_places(MEMORY *memory, int64_t until_ns) {
     }
 }
 
-/* `advance`, for callers in C. */
-static int64_t advance_to(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
-                          int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
+/* Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left, or two
+   shapes that must not meet were found to touch, or to the first look at which all drives are in position; return the
+   ticks made.
+
+   t_ns [ticks], delta [ticks, axes], axes at most as many as there are commands: ticks in time order; early_lead_ns
+   [early], early <= ticks: leads of the first ticks, lead_ns that of the others. mujoco.py checks what it passes. */
+API int64_t advance(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
+                    int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
     PLANT *plant = memory->plant;
     TICKS given = {t_ns, delta, early_lead_ns, ticks, axes, early, lead_ns, 0};
     int64_t dt_ns = plant->substep_ns, until = floor_div(until_ns, dt_ns);
@@ -400,20 +405,9 @@ static int64_t advance_to(MEMORY *memory, int64_t until_ns, const int64_t *t_ns,
     return given.made;
 }
 
-/* Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left, or two
-   shapes that must not meet were found to touch, or to the first look at which all drives are in position; return the
-   ticks made.
-
-   t_ns [ticks], delta [ticks, axes], axes at most as many as there are commands: ticks in time order; early_lead_ns
-   [early], early <= ticks: leads of the first ticks, lead_ns that of the others. mujoco.py checks what it passes. */
-API int64_t advance(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
-                    int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
-    return advance_to(memory, until_ns, t_ns, ticks, delta, axes, early_lead_ns, early, lead_ns);
-}
-
 /* The same without ticks: the shortest call, as many advance nothing. */
 API void advance_alone(MEMORY *memory, int64_t until_ns) {
-    advance_to(memory, until_ns, NULL, 0, NULL, 0, NULL, 0, 0);
+    advance(memory, until_ns, NULL, 0, NULL, 0, NULL, 0, 0);
 }
 
 /* `margin`, `bite` and `glide` for arrays in Python: closed forms are compared with them. available_nm [SPEEDS]. */
