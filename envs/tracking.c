@@ -1,5 +1,5 @@
-/* One step of path following in one call: pulses for each axis, drives and machine, observation. So an environment costs
-   little more than its physics. A step of h:
+/* One step of path following in one call: pulses for each axis, drives and machine, observation. So an environment
+   costs little more than its physics. A step of h:
 
        frequencies f_i  --- pulses at u_i = k + 1/2 --->  the loop's advance  --->  tool p, rotors, margins
                             u_i' = u_i + f_i h                                         |
@@ -8,8 +8,8 @@
 
    u_i is the phase of an axis in steps, its counter the nearest whole number: so pulses are evenly spaced within a step
    and across steps at any change of frequency, and the counter is never off by more than half a step. The nearest point
-   is searched only near the last one, as a path may cross itself (envs/8). A point of the path that is passed over counts
-   for the deviation, and progress is never more than the tool's own way (envs/12).
+   is searched only near the last one, as a path may cross itself (envs/8). A point of the path that is passed over
+   counts for the deviation, and progress is never more than the tool's own way (envs/12).
 
    A PLACE says where the arrays of an environment are (tracking.py). path [points, 4]: X, Y, Z and the way to there. */
 #pragma once
@@ -91,8 +91,8 @@ INLINE void point_on(const PLACE *place, int64_t j, double way_mm, double *found
 /* Follow the tool to a place [3]; return its progress in mm. Sets piece, way, deviation and place of the track.
 
    The nearest point of the path is looked for near the last one. The deviation is the tool's from there, or that of a
-   point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point has gone on;
-   forwards, no more than the tool has moved in that direction. */
+   point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point has gone
+   on; forwards, no more than the tool has moved in that direction. */
 INLINE double follow_to(const PLACE *place, const double *tool_mm) {
     TRACK *track = place->track;
     double low_mm = track->way_mm - BACK_MM, high_mm = track->way_mm + BACK_MM + track->reach_mm;

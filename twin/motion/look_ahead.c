@@ -43,7 +43,8 @@ INLINE int64_t join_pieces(double s, double v, const PLAN_PIECE *table, int64_t 
                     double *joint) {
     joint[n] = 0.0;
     for (int64_t j = n - 1; j > 0; j--)
-        joint[j] = least(least(table[j].entry, least(wanted[j - 1], wanted[j])), reach_of(&table[j], joint[j + 1], factor));
+        joint[j] = least(least(table[j].entry, least(wanted[j - 1], wanted[j])),
+                         reach_of(&table[j], joint[j + 1], factor));
     joint[0] = v;
     int64_t kept = 1;
     for (int64_t j = 0; j < n; j++) {
@@ -219,10 +220,11 @@ API void positions(int64_t k, double period_s, A1(const PLAN_PHASE, phases, n), 
         int64_t j = row < 0 ? 0 : piece[row];
         double place = row < 0 ? 0.0 : place_at(t - phases[row].t, &phases[row], sine);
         for (int64_t axis = 0; axis < axes; axis++) {
-            double corner_at = corner[j * axes + axis], whole = rint(corner_at), way = 0.0;
+            double corner_at = corner[j * axes + axis], corner_whole = rint(corner_at), way = 0.0;
             if (row >= 0)
                 way = (corner[(j + 1) * axes + axis] - corner_at) * place / table[j].length;
-            out[i * axes + axis] = (int64_t)((uint64_t)whole_of(whole) + (uint64_t)whole_of(rint(corner_at - whole + way)));
+            int64_t whole = whole_of(corner_whole), rest = whole_of(rint(corner_at - corner_whole + way));
+            out[i * axes + axis] = (int64_t)((uint64_t)whole + (uint64_t)rest);
         }
     }
 }

@@ -15,8 +15,8 @@
 #define SPELLED(number) SPELLED_(number) /* as a text */
 #define SPELLED_(number) #number
 
-/* Arrays among the parameters of an API function (isel_twin.native): address and shape. Further words are the lengths that
-   a call must have. */
+/* Arrays among the parameters of an API function (isel_twin.native): address and shape. Further words are the lengths
+   that a call must have. */
 #define A1(T, name, ...) T *name, int64_t name##_n
 #define A2(T, name, ...) T *name, int64_t name##_rows, int64_t name##_columns
 #define R(T, name) T *name

@@ -1,5 +1,5 @@
-/* Carriages that follow their command exactly, up to the first tick or nanosecond at which a switch changes, and what is
-   asked of the same way: its corners and samples (following.py, path_samples.py).
+/* Carriages that follow their command exactly, up to the first tick or nanosecond at which a switch changes, and what
+   is asked of the same way: its corners and samples (following.py, path_samples.py).
 
    commanded [axes] counts, below 2^61      leads [axes], what of them is still being led (lead.h)
 
@@ -51,7 +51,8 @@ INLINE int64_t set_switches(int64_t t_ns, const int64_t *commanded, const LEAD *
 /* Make steps, none of them led, until a switch changes, and tell whether one has; reached_ns [1]: when, or until_ns.
    scratch: [3, axes].
 
-   Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search. */
+   Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the
+   search. */
 API int64_t make_steps(int64_t until_ns, A1(const int64_t, t_ns, n), A2(const int8_t, delta, n, columns),
                        A1(int64_t, commanded, axes), A1(const LEAD, leads, axes), A1(SWITCH, switches),
                        A2(int64_t, scratch, 3, axes), A1(int64_t, reached_ns, 1)) {
@@ -121,7 +122,8 @@ INLINE int64_t first_change(int64_t start_ns, int64_t until_ns, const int64_t *c
 }
 
 /* Take the changes [axes] of a tick. */
-INLINE void follow_tick(int64_t t_ns, const int32_t *delta, int64_t axes, int64_t lead_ns, int64_t *commanded, LEAD *leads) {
+INLINE void follow_tick(int64_t t_ns, const int32_t *delta, int64_t axes, int64_t lead_ns, int64_t *commanded,
+                        LEAD *leads) {
     for (int64_t i = 0; i < axes; i++) {
         commanded[i] += delta[i];
         if (lead_ns > 0 && delta[i] != 0)

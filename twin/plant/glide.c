@@ -26,8 +26,8 @@ API void write_out(A1(JOINT, joints, n), A2(const double, bounds, 2, n), A2(cons
     }
 }
 
-/* 1 if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the other or
-   between. qpos, qvel, qfrc are those of `data`; scratch [4, n]. */
+/* 1 if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the other
+   or between. qpos, qvel, qfrc are those of `data`; scratch [4, n]. */
 API int64_t agrees(A1(JOINT, joints, n), A2(const double, mobility, n, n), double h_s, int64_t mj_step, int64_t model,
                    int64_t data, A2(const double, bounds, 2, n), A1(double, qpos, n), A1(double, qvel, n),
                    A1(double, qfrc, n), A2(double, scratch, 4, n)) {
