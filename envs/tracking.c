@@ -1,5 +1,5 @@
-/* One step of path following in one call: pulses for each axis, drives and machine, observation. So an environment costs
-   little more than its physics. A step of h:
+/* One step of path following in one call: pulses for each axis, drives and machine, observation. So an environment
+   costs little more than its physics. A step of h:
 
        frequencies f_i  --- pulses at u_i = k + 1/2 --->  the loop's advance  --->  tool p, rotors, margins
                             u_i' = u_i + f_i h                                         |
@@ -8,8 +8,8 @@
 
    u_i is the phase of an axis in steps, its counter the nearest whole number: so pulses are evenly spaced within a step
    and across steps at any change of frequency, and the counter is never off by more than half a step. The nearest point
-   is searched only near the last one, as a path may cross itself (envs/8). A point of the path that is passed over counts
-   for the deviation, and progress is never more than the tool's own way (envs/12).
+   is searched only near the last one, as a path may cross itself (envs/8). A point of the path that is passed over
+   counts for the deviation, and progress is never more than the tool's own way (envs/12).
 
    A PLACE says where the arrays of an environment are (tracking.py). path [points, 4]: X, Y, Z and the way to there. */
 #pragma once
@@ -48,7 +48,7 @@ INLINE int64_t pulses_of_step(LANE *lanes, int64_t start_ns, int64_t step_ns, in
         double first_s = least(least(next_s[0], next_s[1]), next_s[2]);
         if (!(first_s <= step_s))
             break;
-        t_ns[n] = start_ns + least_of(most_of((int64_t)rint(first_s * 1e9), 1), step_ns);
+        t_ns[n] = start_ns + least_of(most_of(whole_of(rint(first_s * 1e9)), 1), step_ns);
         for (int i = 0; i < AXES; i++) {
             int due = next_s[i] == first_s;
             delta[AXES * n + i] = !due ? 0 : lanes[i].rate_hz > 0.0 ? 1 : -1;
@@ -91,8 +91,8 @@ INLINE void point_on(const PLACE *place, int64_t j, double way_mm, double *found
 /* Follow the tool to a place [3]; return its progress in mm. Sets piece, way, deviation and place of the track.
 
    The nearest point of the path is looked for near the last one. The deviation is the tool's from there, or that of a
-   point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point has gone on;
-   forwards, no more than the tool has moved in that direction. */
+   point in between from the tool's way, if it is above the tolerance. Progress is how far the nearest point has gone
+   on; forwards, no more than the tool has moved in that direction. */
 INLINE double follow_to(const PLACE *place, const double *tool_mm) {
     TRACK *track = place->track;
     double low_mm = track->way_mm - BACK_MM, high_mm = track->way_mm + BACK_MM + track->reach_mm;
@@ -222,8 +222,8 @@ INLINE int64_t step_of(const PLACE *place, const double *action, double *observa
         int64_t last = first;
         while (last < n && place->t_ns[last] <= track->until_ns)
             last++;
-        advance_to(memory, track->until_ns, &place->t_ns[first], last - first, &place->delta[AXES * first], AXES, NULL,
-                   0, 0);
+        advance(memory, track->until_ns, &place->t_ns[first], last - first, &place->delta[AXES * first], AXES, NULL,
+                0, 0);
         first = last;
         find_tool(place, tool_mm);
         progress_mm += follow_to(place, tool_mm);
@@ -281,20 +281,22 @@ INLINE void action_along(const PLACE *place, double feed_mm_s, double offset_mm,
 }
 
 /* `pulses_of_step`. delta [n, AXES]. */
-API int64_t lay_pulses(A1(LANE, lanes), int64_t start_ns, int64_t step_ns, A1(int64_t, t_ns), A2(int32_t, delta)) {
-    return pulses_of_step(lanes, start_ns, step_ns, t_ns, delta, least_of(t_ns_n, delta_rows));
+API int64_t lay_pulses(A1(LANE, lanes, AXES), int64_t start_ns, int64_t step_ns, A1(int64_t, t_ns, n),
+                       A2(int32_t, delta, n, AXES)) {
+    return pulses_of_step(lanes, start_ns, step_ns, t_ns, delta, t_ns_n);
 }
 
 /* `follow_to`. */
-API double follow_tool(R(const PLACE, place), A1(const double, tool_mm)) { return follow_to(place, tool_mm); }
+API double follow_tool(R(const PLACE, place), A1(const double, tool_mm, AXES)) { return follow_to(place, tool_mm); }
 
 /* `action_along`. */
-API void aim(R(const PLACE, place), double feed_mm_s, double offset_mm, A1(const double, asked), A1(double, action)) {
+API void aim(R(const PLACE, place), double feed_mm_s, double offset_mm, A1(const double, asked, 4),
+             A1(double, action, AXES)) {
     action_along(place, feed_mm_s, offset_mm, asked, action);
 }
 
 /* The first observation [SIZE]. */
-API void begin_episode(R(const PLACE, place), A1(double, observation)) {
+API void begin_episode(R(const PLACE, place), A1(double, observation, SIZE)) {
     double tool_mm[3];
     find_tool(place, tool_mm);
     for (int i = 0; i < 3; i++)
@@ -304,7 +306,7 @@ API void begin_episode(R(const PLACE, place), A1(double, observation)) {
 }
 
 /* `step_of` with action [3], frequencies over the highest; observation [SIZE], to be filled. */
-API int64_t take_step(R(const PLACE, place), A1(const double, action), A1(double, observation)) {
+API int64_t take_step(R(const PLACE, place), A1(const double, action, AXES), A1(double, observation, SIZE)) {
     return step_of(place, action, observation, observation_n);
 }
 
@@ -312,9 +314,10 @@ API int64_t take_step(R(const PLACE, place), A1(const double, action), A1(double
 
    places [n], actions [n, 3], observations [n, SIZE], overs [n]: what each returns. feed_mm_s, offset_mm: of
    `action_along`, which fills in the actions from asked [n, 4] unless the feed is 0. */
-API void take_steps(A1(const PLACE, places), double feed_mm_s, double offset_mm, A2(const double, asked),
-                    A2(double, actions), A2(double, observations), A1(int64_t, overs), int64_t first, int64_t last) {
-    for (int64_t k = first; k < last; k++) {
+API void take_steps(A1(const PLACE, places, n), double feed_mm_s, double offset_mm, A2(const double, asked, n, 4),
+                    A2(double, actions, n, AXES), A2(double, observations, n, SIZE), A1(int64_t, overs, n),
+                    int64_t first, int64_t last) {
+    for (int64_t k = most_of(first, 0); k < least_of(last, places_n); k++) {
         if (overs[k] == IDLE)
             continue;
         double *action = &actions[k * actions_columns];

@@ -16,7 +16,7 @@ PREVIEW_MM = (0.5, 1.0, 2.0, 4.0, 8.0)  # distances of the observed points ahead
 SIZE = 6 * AXES + AXES * len(PREVIEW_MM) + 2  # numbers in an observation
 DONE, OUTSIDE, STEPS_LOST = 1, 2, 4  # what a step returns: bits, 0 if the episode goes on
 IDLE = -2  # instead of that: this environment makes no step
-IN_C = ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM")  # records.h has them, too
+IN_C = ("DONE", "OUTSIDE", "STEPS_LOST", "IDLE", "PREVIEW_MM", "SIZE")  # records.h has them, too
 
 REWARDS = ("reward_progress", "reward_time", "reward_deviation", "reward_abort")
 TRACK = record(

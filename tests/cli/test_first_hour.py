@@ -101,6 +101,15 @@ def test_the_doctor_finds_nothing_wrong_here() -> None:
     assert "wrong" not in states.values()
 
 
+@pytest.mark.parametrize(("abreast", "way"), [(True, "abreast (AVX2)"), (False, "one after the other")])
+def test_the_doctor_says_how_the_core_advances_axes(abreast: bool, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    native.core.load()
+    monkeypatch.setattr(native.core, "abreast", abreast)
+    findings = json.loads(isel_twin("doctor", "--json").stdout)["findings"]
+    found = next(one["found"] for one in findings if one["what"] == "compiled core")
+    assert found == f"{native.core.path}, axes {way}"
+
+
 def test_the_doctor_names_what_is_wrong_and_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(native, "core", native.Core(tmp_path / "core.c"))  # an installation whose library is gone
     done = isel_twin("doctor")

@@ -5,7 +5,7 @@ python -m tests.golden.sessions --physics FILE       digests of the sessions wit
 
 `sessions.txt` keeps the digests of the kinematic ones, made on the code as it was when behaviour was last changed on
 purpose (make golden). Those with physics contain the last bits of floating-point arithmetic, which another processor or
-another version of MuJoCo, NumPy or Numba may change; so they are on no file of the repository. Before a change that is
+another version of MuJoCo or NumPy may change; so they are on no file of the repository. Before a change that is
 to change nothing, write them to a file; after it, compare on the same machine.
 """
 

@@ -11,6 +11,7 @@ import pytest
 from isel_twin.native import Core, compiling, library
 
 CORE_C = """#include "core.h"
+#define WIDE 3
 #include "exports.h"
 TEXT layout_SMALL = "a i8 0; b f8 8; 16";
 typedef struct { int64_t a; double b; } SMALL;
@@ -26,8 +27,11 @@ API double sum(A1(const double, x), A2(const int32_t, k), R(SMALL, s), int64_t n
     s->a += 1;
     return found + s->b;
 }
-API void twice(A1(double, x), A1(double, y)) {
+API void twice(A1(double, x, n), A1(double, y, n)) {
     for (int64_t i = 0; i < x_n; i++) y[i] = 2.0 * x[i];
+}
+API int64_t joined(A1(const double, x, n), A1(const double, ends, n + 1), A2(const double, table, 2 * n, WIDE)) {
+    return x_n;
 }
 API int64_t first(const int64_t *x) { return x[0]; }
 API int64_t foreign(R(UNKNOWN, u)) { return u->a; }

@@ -43,7 +43,7 @@ def test_what_c_only_reads_may_be_read_only(small: Core) -> None:
     x = X.copy()
     x.flags.writeable = False
     assert small.sum(x, K[:0], record(0.0), 0, 0.0) == 3.0
-    with pytest.raises(TypeError, match=r"^twice: A1\(double, y\): got float64 \[2\], read only$"):
+    with pytest.raises(TypeError, match=r"^twice: A1\(double, y, n\): got float64 \[2\], read only$"):
         small.twice(X, x)
 
 
@@ -81,6 +81,27 @@ def test_a_wrong_array(small: Core, place: int, value: Any, said: str) -> None:
     given = [X, K, record(0.0), 1, 1.0]
     given[place] = value
     assert refused(small, *given) == f"sum: {said}"
+
+
+@pytest.mark.parametrize(
+    ("n", "ends", "table", "said"),
+    [
+        (2, 2, (4, 3), "A1(const double, ends, n + 1): got float64 [2], with n = 2"),
+        (2, 4, (4, 3), "A1(const double, ends, n + 1): got float64 [4], with n = 2"),
+        (2, 3, (5, 3), "A2(const double, table, 2 * n, 3): got float64 [5, 3], with n = 2"),
+        (2, 3, (4, 4), "A2(const double, table, 2 * n, 3): got float64 [4, 4]"),
+        (0, 0, (0, 3), "A1(const double, ends, n + 1): got float64 [0], with n = 0"),
+    ],
+)
+def test_lengths_that_do_not_fit(small: Core, n: int, ends: int, table: tuple[int, int], said: str) -> None:
+    with pytest.raises(TypeError) as caught:
+        small.joined(np.zeros(n), np.zeros(ends), np.zeros(table))
+    assert str(caught.value) == f"joined: {said}"
+
+
+@pytest.mark.parametrize("n", [0, 1, 5])
+def test_lengths_that_fit(small: Core, n: int) -> None:
+    assert small.joined(np.zeros(n), np.zeros(n + 1), np.zeros((2 * n, 3))) == n
 
 
 def test_a_number_that_is_none(small: Core) -> None:

@@ -100,18 +100,19 @@ INLINE int64_t bit_at(BYTES text, int64_t i, int64_t delimiter, int *bit) {
     return (*bit == 0 || *bit == 1) && ends(text, i, delimiter) ? i : -1;
 }
 
-/* Write the changes of wanted columns from scan->place on, while there is room for a row; return their number. scan then
-   says where and why it ended.
+/* Write the changes of wanted columns from scan->place on, while there is room for a row; return their number. scan
+   then says where and why it ended.
 
    columns [width]: IS_TIME, -1 ignored, else the signal. numbered: times are the numbers of samples. power: of ten,
-   from the unit of time to ns. levels, first [signals]: present and first level (-1: none yet); times, which: output. */
+   from the unit of time to ns. levels, first [signals]: present and first level (-1: none yet); times, which:
+   output. */
 API int64_t scan_table(A1(const uint8_t, data), int64_t delimiter, A1(const int16_t, columns), int64_t numbered,
-                       int64_t power, R(SCAN, scan), A1(int8_t, levels), A1(int8_t, first), A1(int64_t, times),
-                       A1(uint8_t, which)) {
+                       int64_t power, R(SCAN, scan), A1(int8_t, levels, signals), A1(int8_t, first, signals),
+                       A1(int64_t, times, n), A1(uint8_t, which, n)) {
     BYTES text = {data, data_n};
-    CHANGES found = {times, which, least_of(times_n, which_n), 0};
+    CHANGES found = {times, which, times_n, 0};
     int64_t i = scan->place, line = scan->line, before = scan->time, rows = scan->rows;
-    CHECK(i >= 0 && first_n == levels_n);
+    CHECK(i >= 0);
     while (i < data_n && found.count + columns_n + 2 <= found.room) { /* a change a column, a gap */
         int c = byte_at(text, i);
         if (c == '\n' || c == '\r' || c == ' ') {

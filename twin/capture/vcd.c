@@ -58,12 +58,13 @@ INLINE int64_t code_at(BYTES text, int64_t i, int64_t *key) {
 
    keys [signals]; levels, first [signals]: present and first level (-1: none yet); lost [signals + 1]: 1 while it is x
    or z, the last one in $dumpoff; times, which [n]: output. */
-API int64_t scan_dump(A1(const uint8_t, data), A1(const int64_t, keys), R(SCAN, scan), A1(int8_t, levels),
-                      A1(int8_t, first), A1(int8_t, lost), A1(int64_t, times), A1(uint8_t, which)) {
+API int64_t scan_dump(A1(const uint8_t, data), A1(const int64_t, keys, signals), R(SCAN, scan),
+                      A1(int8_t, levels, signals), A1(int8_t, first, signals), A1(int8_t, lost, signals + 1),
+                      A1(int64_t, times, n), A1(uint8_t, which, n)) {
     BYTES text = {data, data_n};
-    CHANGES found = {times, which, least_of(times_n, which_n), 0};
+    CHANGES found = {times, which, times_n, 0};
     int64_t i = scan->place, line = scan->line, time = scan->time, begin = scan->begin, part = scan->part;
-    CHECK(i >= 0 && levels_n == keys_n && first_n == keys_n && lost_n == keys_n + 1);
+    CHECK(i >= 0);
     while (i < data_n && found.count + 2 <= found.room) { /* a signal may be found and change at once */
         int c = byte_at(text, i), problem = 0;
         int64_t start = i;

@@ -115,7 +115,8 @@ def _core() -> Iterator[Finding]:
     except CoreError as error:
         yield Finding("compiled core", "wrong", str(error))  # which tells the remedy, too
     else:
-        yield Finding("compiled core", "ok", str(core.path))
+        way = "abreast (AVX2)" if core.abreast else "one after the other"
+        yield Finding("compiled core", "ok", f"{core.path}, axes {way}")
 
 
 def _plugins() -> Iterator[Finding]:

@@ -48,9 +48,9 @@ INLINE COMPLEX highest(double current, COMPLEX centre, double radius) {
 }
 
 /* Fill in torque_nm [n] at speeds [n] in rev/min. current: g I; half_v: V. */
-API void predict_torques(A1(const double, rpm), double pole_pairs, double resistance, double inductance, double km,
-                         double iron_drag, double iron_knee, double current, double half_v, A1(double, torque_nm)) {
-    for (int64_t k = 0; k < least_of(rpm_n, torque_nm_n); k++) {
+API void predict_torques(A1(const double, rpm, n), double pole_pairs, double resistance, double inductance, double km,
+                         double iron_drag, double iron_knee, double current, double half_v, A1(double, torque_nm, n)) {
+    for (int64_t k = 0; k < rpm_n; k++) {
         double omega = rpm[k] * 2.0 * PI / 60.0;
         COMPLEX impedance = {resistance, pole_pairs * omega * inductance};
         COMPLEX centre = quotient((COMPLEX){0.0, -omega * km}, impedance);

@@ -28,13 +28,12 @@ API double cooled(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, s), int64_t s
 }
 
 /* `follow` of curves.py. */
-API int64_t follow_command(R(const AXIS_PARAMETERS, p), R(AXIS_STATE, s), A1(const double, command),
-                           A1(const double, load_torque_nm), double limit) {
-    int64_t n = least_of(command_n, load_torque_nm_n);
-    for (int64_t k = 0; k < n; k++) {
+API int64_t follow_command(R(const AXIS_PARAMETERS, p), R(AXIS_STATE, s), A1(const double, command, n),
+                           A1(const double, load_torque_nm, n), double limit) {
+    for (int64_t k = 0; k < command_n; k++) {
         step_axis(p, s, command[k], BOTH, 1.0, 0.0, 0.0, load_torque_nm[k]);
         if (fabs(command[k] - s->theta_rad * p->pole_pairs / p->microstep_rad) > limit)
             return k;
     }
-    return n;
+    return command_n;
 }

@@ -65,7 +65,7 @@ INLINE int sample_loops(const AXIS_PARAMETERS *p, AXIS_STATE *s, double command,
 /* The motor's part of a sub-step, as `turn` takes it, without a load. command in increments; phases OPEN or not. Finite
    arguments give finite results. With phases OPEN, or a fault, it never adds energy. */
 INLINE TORQUE servo_torque(const AXIS_PARAMETERS *p, AXIS_STATE *s, double command, int64_t phases) {
-    double encoder = (double)(int64_t)floor(s->theta_rad * p->increments_per_rad);
+    double encoder = (double)whole_of(floor(s->theta_rad * p->increments_per_rad));
     int steady = 1;
     double before_a = s->current_a_a;
     double current_a = 0.0;

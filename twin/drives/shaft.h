@@ -6,10 +6,10 @@
        F = k dead_zone(r th - x, backlash) + c (r w - v_nut)          force on the nut
        J dw/dt = T - B w - F r - T_load - friction
 
-   Time step: the angle drifts half a sub-step, the speed is kicked by the torque found there, the angle drifts the other
-   half (Stoermer-Verlet: second order, no secular gain of energy). What is linear in w is taken as the mean of old and
-   new speed. Dry friction is an impulse in the kick that can stop the shaft but not reverse it: below breakaway the speed
-   is exactly 0 and the angle does not change by a bit.
+   Time step: the angle drifts half a sub-step, the speed is kicked by the torque found there, the angle drifts the
+   other half (Stoermer-Verlet: second order, no secular gain of energy). What is linear in w is taken as the mean of
+   old and new speed. Dry friction is an impulse in the kick that can stop the shaft but not reverse it: below breakaway
+   the speed is exactly 0 and the angle does not change by a bit.
 
        th --drift--> torque of the motor --turn: kick, drift--> th'
 

@@ -8,7 +8,7 @@
 
 /* Advance a drive by a quarter electrical period from state x; the state then to out. */
 API void quarter(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, rest), R(AXIS_STATE, s), A1(const double, command),
-                 double load_nm, A1(const double, x), A1(double, out)) {
+                 double load_nm, A1(const double, x, STATES), A1(double, out, STATES)) {
     *s = *rest;
     s->current_a_a = x[0];
     s->current_b_a = x[1];
@@ -29,7 +29,7 @@ API void quarter(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, rest), R(AXIS_
 
 /* Advance x by quarter periods, whose load angles go to lags [n]. 0 once half a turn of it is passed, else 1. */
 API int64_t quarters(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, rest), R(AXIS_STATE, s),
-                     A1(const double, command), double load_nm, A1(double, x), A1(double, lags)) {
+                     A1(const double, command), double load_nm, A1(double, x, STATES), A1(double, lags)) {
     double out[STATES];
     for (int64_t k = 0; k < lags_n; k++) {
         quarter(p, rest, s, command, command_n, load_nm, x, STATES, out, STATES);
@@ -44,7 +44,8 @@ API int64_t quarters(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, rest), R(A
 /* Slope of what `quarter` makes of x over each of its numbers, by the straight line through so many points on both
    sides, away [n] apart: added to columns [n, n], one for each number that is moved; n <= STATES. */
 API void slopes(R(const AXIS_PARAMETERS, p), R(const AXIS_STATE, rest), R(AXIS_STATE, s), A1(const double, command),
-                double load_nm, A1(const double, x), A1(const double, away), int64_t points, A2(double, columns)) {
+                double load_nm, A1(const double, x, STATES), A1(const double, away, n), int64_t points,
+                A2(double, columns, n, n)) {
     double tried[STATES], up[STATES], down[STATES];
     double squares = (double)(points * (points + 1) * (2 * points + 1)) / 3.0;
     memcpy(tried, x, sizeof tried);

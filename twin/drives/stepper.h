@@ -7,14 +7,14 @@
        T   = -Km i_A sin(Nr th) + Km i_B cos(Nr th) - Td sin(4 Nr th) - T_fe(w)         i_A, i_B: mean of i and i'
        T_fe = (Km^2/Rm) w / (1 + (w/w_k)^2)                                             iron loss (motor.py)
 
-   (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.) The
-   other half of the sub-step, rotor, screw and nut, is in shaft.h for every kind of motor.
+   (MathWorks Simscape "Stepper Motor"; the stage is a current source that the supply limits, without chopper ripple.)
+   The other half of the sub-step, rotor, screw and nut, is in shaft.h for every kind of motor.
 
-   i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). Electronic damping
-   turns the current vector further by the swing of the load angle about its low pass, as a digital microstep drive with
-   damping does (drives/9):
+   i_ref is the wave of the stage at the commanded angle, turned and shifted by its errors (stage.py). Electronic
+   damping turns the current vector further by the swing of the load angle about its low pass, as a digital microstep
+   drive with damping does (drives/9):
 
-       lambda = phi_cmd - Nr th     d lambda_f/dt = 2 pi f_c (lambda - lambda_f)     phi = phi_cmd + g (lambda - lambda_f)
+       lambda = phi_cmd - Nr th    d lambda_f/dt = 2 pi f_c (lambda - lambda_f)    phi = phi_cmd + g (lambda - lambda_f)
 
    For lambda the command is smoothed between its pulses.
 
@@ -28,9 +28,9 @@
 #if LANES == 1
 #define SETTLED_RAD 1e-12 /* electrical load-angle swing below which damping does nothing, so a drive comes to rest */
 
-/* The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between. The counter stands on
-   multiples of pi/4 (half step), or odd ones (full step, drives/6); between them is the time mean of the wanted current
-   in a sub-step with a pulse in it. */
+/* The switched counterpart of the cosine: 1 up to pi/4, 0 at pi/2, -1 from 3 pi/4; linear between. The counter stands
+   on multiples of pi/4 (half step), or odd ones (full step, drives/6); between them is the time mean of the wanted
+   current in a sub-step with a pulse in it. */
 INLINE double corner(double angle_rad) {
     double wrapped = angle_rad - 2.0 * PI * floor(angle_rad / (2.0 * PI) + 0.5);
     return least(1.0, most(-1.0, 2.0 - fabs(wrapped) * (4.0 / PI)));
@@ -83,8 +83,8 @@ INLINE void OF(shape)(const OF(AXIS_PARAMETERS) *p, OF(AXIS_STATE) *s, V phi, M 
 }
 
 /* Phase current after a sub-step: the wanted one, as far as the supply can drive it. Drops in the switches reduce the
-   voltage that drives a current, not the one against which it flows back (drives/1), which is a part of the supply where
-   the current is only too large, and not of the wrong sign (drives/14). */
+   voltage that drives a current, not the one against which it flows back (drives/1), which is a part of the supply
+   where the current is only too large, and not of the wrong sign (drives/14). */
 INLINE V OF(phase)(const OF(AXIS_PARAMETERS) *p, V current_a, V wanted_a, V emf_v) {
     V voltage_v = (wanted_a - p->decay * current_a) * p->gain_v_per_a + emf_v;
     V return_v = SEL(current_a * wanted_a <= 0.0, p->return_v, p->fast_share * p->return_v);

@@ -1,6 +1,7 @@
 /* Sine and cosine of one angle at once, precise to the last digit, at a third of the cost of two calls.
 
-   Half of the cost of a drive's sub-step is sines. After reduction to the nearest quarter turn two short polynomials do:
+   Half of the cost of a drive's sub-step is sines. After reduction to the nearest quarter turn two short polynomials
+   do:
 
        n = round(x 2/pi),  r = x - n pi/2,  |r| <= pi/4       pi/2 in two parts, n times the first of them is exact
 
@@ -9,8 +10,8 @@
             cos x     cos r   -sin r   -cos r    sin r
 
    Coefficients: fdlibm (Sun Microsystems, 1993, freely granted), k_sin.c and k_cos.c, errors below 2^-58. The result is
-   within 2^-52 of the truth, and below FAR_RAD does not depend on the machine's mathematical library: so every sine of a
-   sub-step is this one (drives/18).
+   within 2^-52 of the truth, and below FAR_RAD does not depend on the machine's mathematical library: so every sine of
+   a sub-step is this one (drives/18).
 
    Text of law.h, for each width. */
 

@@ -4,7 +4,7 @@
 
 /* Go on from state x, y, c = x^2 + y^2 - R^2 by so many ticks, and by one for each row of delta, written there: a step
    in column `first` or `second`. A quadrant includes the half axis on which the counter-clockwise path enters it. */
-API void walk(A1(int64_t, state), int64_t unseen, A2(int8_t, delta), int64_t first, int64_t second) {
+API void walk(A1(int64_t, state, 3), int64_t unseen, A2(int8_t, delta), int64_t first, int64_t second) {
     int64_t x = state[0], y = state[1], c = state[2];
     for (int64_t i = -unseen; i < delta_rows; i++) {
         int64_t rx = y > 0 || (y == 0 && x > 0) ? -1 : 1;

@@ -67,12 +67,6 @@ def circle(
 
     Raises ValueError for a negative or too large tick number, too large coordinates, or axes that are not different.
     """
-    used = [*axes] if third_axis is None else [*axes, third_axis]
-    if len(axes) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(axis_count)):
-        raise ValueError(f"a circle needs different axes out of 0..{axis_count - 1}, got {used}")
-    if ticks < 0 or max(ticks, abs(xs), abs(ys), abs(third_steps)) >= LARGEST:
-        numbers = f"{ticks}, {xs}, {ys}, {third_steps}"
-        raise ValueError(f"ticks, xs, ys and third steps of a circle must stay below {LARGEST}, got {numbers}")
     if clockwise:
         (xs, ys), (rx, ry), axes = (ys, xs), (ry, rx), (axes[1], axes[0])
     r2 = squared_radius(d, xs, ys, 1 if rx > 0 else -1, 1 if ry > 0 else -1)
@@ -124,7 +118,7 @@ def _rounds_to(radius: int, x: int, y: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """An arc in the counter-clockwise frame: for a clockwise arc the axes are exchanged."""
+    """An arc in the counter-clockwise frame: for a clockwise arc the axes are exchanged. Errors: `circle`."""
 
     arc_ticks: int
     xs: int
@@ -134,6 +128,15 @@ class Circle:
     third_axis: int | None
     third_steps: int
     axes: int
+
+    def __post_init__(self) -> None:
+        used = [*self.plane] if self.third_axis is None else [*self.plane, self.third_axis]
+        if len(self.plane) != 2 or len(set(used)) != len(used) or not set(used) <= set(range(self.axes)):
+            raise ValueError(f"a circle needs different axes out of 0..{self.axes - 1}, got {used}")
+        numbers = self.arc_ticks, self.xs, self.ys, self.third_steps
+        if self.arc_ticks < 0 or max(map(abs, numbers)) >= LARGEST or abs(self.squared_radius) >= LARGEST**2 << 2:
+            told = ", ".join(map(str, numbers))
+            raise ValueError(f"ticks, xs, ys and third steps of a circle must stay below {LARGEST}, got {told}")
 
     @property
     def ticks(self) -> int:

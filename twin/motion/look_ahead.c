@@ -7,8 +7,8 @@
 #define PLACE_NOISE 1e-12 /* relative rounding error of places on a piece */
 
 /* Check pieces: the index in FAULTS of the first fault found, 0 for none. */
-API int64_t faults(A2(const double, displacement), A1(const double, length), A1(const double, speed),
-                   A1(const double, limit), A1(const double, acceleration), A1(const double, entry)) {
+API int64_t faults(A2(const double, displacement, n, axes), A1(const double, length, n), A1(const double, speed, n),
+                   A1(const double, limit, n), A1(const double, acceleration, n), A1(const double, entry, n)) {
     for (int64_t j = 0; j < displacement_rows; j++) {
         for (int64_t axis = 0; axis < displacement_columns; axis++) {
             double way = displacement[j * displacement_columns + axis], parts = way * FRACTIONS;
@@ -43,7 +43,8 @@ INLINE int64_t join_pieces(double s, double v, const PLAN_PIECE *table, int64_t 
                     double *joint) {
     joint[n] = 0.0;
     for (int64_t j = n - 1; j > 0; j--)
-        joint[j] = least(least(table[j].entry, least(wanted[j - 1], wanted[j])), reach_of(&table[j], joint[j + 1], factor));
+        joint[j] = least(least(table[j].entry, least(wanted[j - 1], wanted[j])),
+                         reach_of(&table[j], joint[j + 1], factor));
     joint[0] = v;
     int64_t kept = 1;
     for (int64_t j = 0; j < n; j++) {
@@ -68,8 +69,9 @@ INLINE int64_t join_pieces(double s, double v, const PLAN_PIECE *table, int64_t 
    phases [3 n], piece [3 n] (row of the table), back [3 n] (phases since the beginning of the piece or, in the first
    one, of the plan). Returns the number of phases, and in `told` the last joint that does not depend on where the chain
    ends, and whether all entry speeds are kept and the final speed is 0. */
-API int64_t lay(double t, double s, double v, A1(const PLAN_PIECE, table), A1(const double, wanted), double factor,
-                A1(double, joint), A1(PLAN_PHASE, phases), A1(int32_t, piece), A1(int8_t, back), A1(int64_t, told)) {
+API int64_t lay(double t, double s, double v, A1(const PLAN_PIECE, table, n), A1(const double, wanted, n),
+                double factor, A1(double, joint, n + 1), A1(PLAN_PHASE, phases, 3 * n), A1(int32_t, piece, 3 * n),
+                A1(int8_t, back, 3 * n), A1(int64_t, told, 2)) {
     told[0] = 0;
     told[1] = join_pieces(s, v, table, table_n, wanted, factor, joint);
     for (int64_t j = table_n - 1; j > 0; j--)
@@ -121,8 +123,8 @@ API int64_t lay(double t, double s, double v, A1(const PLAN_PIECE, table), A1(co
 
    Returns the number of phases, and in `told` 0 and whether all entry speeds are kept and it comes to rest before the
    end. */
-API int64_t brake(double t, double s, double v, A1(const PLAN_PIECE, table), double factor, A1(PLAN_PHASE, phases),
-                  A1(int32_t, piece), A1(int8_t, back), A1(int64_t, told)) {
+API int64_t brake(double t, double s, double v, A1(const PLAN_PIECE, table, n), double factor,
+                  A1(PLAN_PHASE, phases, n), A1(int32_t, piece, n), A1(int8_t, back, n), A1(int64_t, told, 2)) {
     told[0] = 0;
     told[1] = 1;
     for (int64_t j = 0; j < table_n; j++) {
@@ -188,7 +190,7 @@ INLINE int64_t first_row(double t, const PLAN_PHASE *phases, int64_t n) {
 }
 
 /* The phase at time t, -1 before the first; there place on the piece and speed. */
-API int64_t plan_state(double t, A1(const PLAN_PHASE, phases), int64_t sine, A1(double, state)) {
+API int64_t plan_state(double t, A1(const PLAN_PHASE, phases), int64_t sine, A1(double, state, 2)) {
     int64_t row = first_row(t, phases, phases_n);
     state[0] = row < 0 ? 0.0 : place_at(t - phases[row].t, &phases[row], sine);
     state[1] = row < 0 ? 0.0 : speed_at(t - phases[row].t, &phases[row], sine);
@@ -196,8 +198,8 @@ API int64_t plan_state(double t, A1(const PLAN_PHASE, phases), int64_t sine, A1(
 }
 
 /* For ticks k, k + 1, ...: place[i] on the piece in row number[i] of the table; -1 before the first phase. */
-API void places(int64_t k, double period_s, A1(const PLAN_PHASE, phases), A1(const int32_t, piece), int64_t sine,
-                A1(double, place), A1(int64_t, number)) {
+API void places(int64_t k, double period_s, A1(const PLAN_PHASE, phases, n), A1(const int32_t, piece, n), int64_t sine,
+                A1(double, place, m), A1(int64_t, number, m)) {
     int64_t row = first_row((double)k * period_s, phases, phases_n);
     for (int64_t i = 0; i < place_n; i++) {
         double t = (double)(k + i) * period_s;
@@ -207,12 +209,10 @@ API void places(int64_t k, double period_s, A1(const PLAN_PHASE, phases), A1(con
     }
 }
 
-/* A whole number; of what does not fit the least one, since a recording may hold any number. */
-INLINE uint64_t whole_of(double x) { return fabs(x) < 0x1p63 ? (uint64_t)(int64_t)x : (uint64_t)INT64_MIN; }
-
 /* out[i, axis]: position at tick k + i in whole increments, on straight pieces. corner: [pieces + 1, axes]. */
-API void positions(int64_t k, double period_s, A1(const PLAN_PHASE, phases), A1(const int32_t, piece), int64_t sine,
-                   A1(const PLAN_PIECE, table), A2(const double, corner), A2(int64_t, out)) {
+API void positions(int64_t k, double period_s, A1(const PLAN_PHASE, phases, n), A1(const int32_t, piece, n),
+                   int64_t sine, A1(const PLAN_PIECE, table, pieces), A2(const double, corner, pieces + 1, axes),
+                   A2(int64_t, out, m, axes)) {
     int64_t axes = out_columns, row = first_row((double)k * period_s, phases, phases_n);
     for (int64_t i = 0; i < out_rows; i++) {
         double t = (double)(k + i) * period_s;
@@ -220,10 +220,11 @@ API void positions(int64_t k, double period_s, A1(const PLAN_PHASE, phases), A1(
         int64_t j = row < 0 ? 0 : piece[row];
         double place = row < 0 ? 0.0 : place_at(t - phases[row].t, &phases[row], sine);
         for (int64_t axis = 0; axis < axes; axis++) {
-            double corner_at = corner[j * axes + axis], whole = rint(corner_at), way = 0.0;
+            double corner_at = corner[j * axes + axis], corner_whole = rint(corner_at), way = 0.0;
             if (row >= 0)
                 way = (corner[(j + 1) * axes + axis] - corner_at) * place / table[j].length;
-            out[i * axes + axis] = (int64_t)(whole_of(whole) + whole_of(rint(corner_at - whole + way)));
+            int64_t whole = whole_of(corner_whole), rest = whole_of(rint(corner_at - corner_whole + way));
+            out[i * axes + axis] = (int64_t)((uint64_t)whole + (uint64_t)rest);
         }
     }
 }

@@ -2,9 +2,9 @@
 #pragma once
 #include "../native/core.h"
 
-/* Write the steps of each axis that has any into its column of zeros: delta[i] is tick first + 1 + i of `ticks`. No axis
-   has more steps than there are ticks, and these are below 2^40. */
-API void fill_even(A2(int8_t, delta), A1(const int64_t, steps), int64_t first, int64_t ticks) {
+/* Write the steps of each axis that has any into its column of zeros: delta[i] is tick first + 1 + i of `ticks`. No
+   axis has more steps than there are ticks, and these are below 2^40. */
+API void fill_even(A2(int8_t, delta, n, axes), A1(const int64_t, steps, axes), int64_t first, int64_t ticks) {
     for (int64_t axis = 0; axis < delta_columns; axis++) {
         int8_t step = steps[axis] < 0 ? -1 : 1;
         int64_t twice = 2 * steps[axis] * step;

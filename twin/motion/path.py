@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from isel_twin.base.axes import AXIS_NAMES
 from isel_twin.native import core
 
+MOST_TICKS = 1 << 40
 SMALL = 1 << 30  # ticks of a line whose formula keeps within 64 bits
 Displacement = tuple[int, ...]  # whole numbers of steps or increments, one an axis
 
@@ -55,15 +56,21 @@ def line(steps: Sequence[int]) -> StepLine:
     Raises ValueError unless there are one to eight numbers below 2^40.
     """
     ticks = max(map(abs, steps), default=0)
-    if not 1 <= len(steps) <= len(AXIS_NAMES) or ticks >= 1 << 40:
+    if not 1 <= len(steps) <= len(AXIS_NAMES) or ticks >= MOST_TICKS:
         raise ValueError(f"a line needs 1 to {len(AXIS_NAMES)} step numbers below 2^40, got {tuple(steps)}")
     return StepLine(tuple(map(int, steps)), int(ticks))
 
 
 @dataclass(frozen=True, slots=True)
 class StepLine:
+    """Steps of each axis spread evenly over at least as many ticks, below MOST_TICKS; else it raises ValueError."""
+
     steps: Displacement
     ticks: int
+
+    def __post_init__(self) -> None:
+        if not max(map(abs, self.steps), default=0) <= self.ticks < MOST_TICKS:
+            raise ValueError(f"a line of the steps {self.steps} in {self.ticks} ticks")
 
     @property
     def axes(self) -> int:

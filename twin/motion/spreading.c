@@ -10,8 +10,8 @@ INLINE int64_t next_step_ns(int64_t change, int64_t made, int64_t duration_ns) {
 
 /* Write the ticks of a row to t_ns and to rows of zeros of delta, as many as all axes have steps; return their number.
    made: zeros, one an axis. */
-API int64_t spread(A1(const int64_t, changes), int64_t start_ns, int64_t duration_ns, A1(int64_t, made),
-                   A1(int64_t, t_ns), A2(int8_t, delta)) {
+API int64_t spread(A1(const int64_t, changes, axes), int64_t start_ns, int64_t duration_ns, A1(int64_t, made, axes),
+                   A1(int64_t, t_ns, n), A2(int8_t, delta, n, axes)) {
     int64_t ticks = 0;
     for (;; ticks++) {
         int64_t first_ns = -1;

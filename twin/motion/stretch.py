@@ -89,12 +89,14 @@ def written(stretch: Stretch, period_ns: int, *, sine: bool, before: Joined | No
     last = before.blocks[number]
     row = int(last.phases[:, T].searchsorted(block.start_s))
     kept = before.blocks[:number]
-    if row and first < last.first:
+    if row and not last.first <= first <= last.first + len(last.table):
         raise ValueError("a stretch of another plan")
     if long_enough(row):
         kept = (*kept, replace(last, phases=last.phases[:row], piece=last.piece[:row], back=last.back[:row]))
     elif row:
         pieces = first - last.first
+        if int(last.piece[row - 1]) >= pieces + len(table):
+            raise ValueError("a stretch of another plan")
         block = PlanBlock(
             last.first,
             np.vstack((last.phases[:row], phases)),

@@ -1,5 +1,5 @@
-/* Times of ticks (time_law.py). Both kinds of phases give a time to the nearest nanosecond, ties to even, or say that it
-   is too near to a tie for the digits that they have:
+/* Times of ticks (time_law.py). Both kinds of phases give a time to the nearest nanosecond, ties to even, or say that
+   it is too near to a tie for the digits that they have:
 
    cruise   t + (rest + (k - first) step_rest) / den + (k - first) step, in whole numbers. They are exact, or all rests
             are rounded down to 1/den (`rounded`), so that those of tick k miss less than k - first + 1 of them.
@@ -25,12 +25,12 @@ INLINE int64_t ramp_time(const PHASE *phase, int64_t k) {
     double x = phase->two_units * d / (sqrt(phase->f0 * phase->f0 + phase->two_a * d) + phase->f0);
     double y = phase->t_rest + (double)phase->sign * x;
     double n = rint(y);
-    return 0.5 - fabs(y - n) <= DOUBT * (x + 1.0) ? UNDECIDED : phase->t + (int64_t)n;
+    return 0.5 - fabs(y - n) > DOUBT * (x + 1.0) ? phase->t + (int64_t)n : UNDECIDED; /* nan, too, is undecided */
 }
 
 /* Write the times of ticks first + 1, first + 2, ... to out, from index `done` on, up to one that is undecided; return
-   the index reached. phases: all of the law, one after the other, no tick beyond them. Sums of times and rests are below
-   2^63: a cruise ends before 2^62 ns, den is below 2^61. */
+   the index reached. phases: all of the law, one after the other, no tick beyond them. Sums of times and rests are
+   below 2^63: a cruise ends before 2^62 ns, den is below 2^61. */
 API int64_t tick_times(A1(int64_t, out), int64_t done, int64_t first, A1(const PHASE, phases)) {
     for (int64_t p = 0; p < phases_n && done < out_n; p++) {
         const PHASE *phase = &phases[p];

@@ -7,6 +7,7 @@ the only place that says what a function takes: the library carries its text, an
 
     int64_t, double          a number
     A1(T, a), A2(T, a)       an array of one or two dimensions, in one piece; C gets its address and its shape
+    A2(T, a, n + 1, 3)       the same with its lengths: a name is the same number wherever a call has it
     R(T, a)                  an array of which C uses the first element
     T *a                     an address, kept by the caller (`address`)
 

@@ -36,6 +36,7 @@ TARGETS = {  # other machines, as ziglang names them: the tag of a wheel
 }
 REMEDY = "build it: `python -m isel_twin.native.compiling`, or install isel-twin anew"
 _PROTOTYPE = re.compile(r"^API ((?:int64_t|double|void) \w+\((?:[^(){;]|\([^()]*\))*\)) *\{", re.MULTILINE)
+_CONSTANT = re.compile(r"(?<=, )[A-Z]+(?=[,)])")  # among the lengths of an array: C knows the number
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 _TRIED = "#include <math.h>\n#include <string.h>\ndouble core_tried(double x) { return sin(x); }\n"
 
@@ -67,8 +68,11 @@ def digest(files: list[Path]) -> str:
 
 def exports(files: list[Path]) -> str:
     """The text of exports.h for a library of these files."""
-    prototypes = [" ".join(match.split()) for path in files for match in _PROTOTYPE.findall(path.read_text("utf-8"))]
-    lines = "".join(f'    "{prototype}\\n"\n' for prototype in prototypes)
+    lines = ""
+    for path in files:
+        for match in _PROTOTYPE.findall(path.read_text("utf-8")):
+            prototype = _CONSTANT.sub(r'" SPELLED(\g<0>) "', " ".join(match.split()))
+            lines += f'    "{prototype}\\n"\n'
     return f'TEXT core_prototypes =\n{lines};\nTEXT core_source = "core_source={digest(files)}";\n'
 
 
@@ -155,7 +159,8 @@ def _flags(command: list[str], target: str) -> list[str]:
 def _run(line: list[str], shown: bool = False) -> str:
     """Run a compiler: nothing, or its first line that tells of an error."""
     try:
-        done = subprocess.run(line, stdout=subprocess.DEVNULL, stderr=None if shown else subprocess.PIPE, text=True)
+        told = None if shown else subprocess.PIPE
+        done = subprocess.run(line, stdout=subprocess.DEVNULL, stderr=told, text=True, errors="replace")
     except OSError as error:
         return f"{line[0]}: {error.strerror}"
     if done.returncode == 0:

@@ -1,7 +1,7 @@
 /* The compiled core in one piece: all C of the twin, in the order of the signal chain. */
 #include "core.h"
-#include "exports.h"
 #include "records.h"
+#include "exports.h"
 
 #include "cpu.c"
 #include "../capture/table.c"

@@ -12,10 +12,13 @@
 #define API __attribute__((visibility("default")))
 #endif
 #define TEXT API const char *const
+#define SPELLED(number) SPELLED_(number) /* as a text */
+#define SPELLED_(number) #number
 
-/* Arrays among the parameters of an API function (isel_twin.native): address and shape. */
-#define A1(T, name) T *name, int64_t name##_n
-#define A2(T, name) T *name, int64_t name##_rows, int64_t name##_columns
+/* Arrays among the parameters of an API function (isel_twin.native): address and shape. Further words are the lengths
+   that a call must have. */
+#define A1(T, name, ...) T *name, int64_t name##_n
+#define A2(T, name, ...) T *name, int64_t name##_rows, int64_t name##_columns
 #define R(T, name) T *name
 
 #define INLINE static inline __attribute__((always_inline))
@@ -36,6 +39,9 @@ INLINE double least(double a, double b) { return b < a ? b : a; }
 INLINE double most(double a, double b) { return b > a ? b : a; }
 INLINE int64_t least_of(int64_t a, int64_t b) { return b < a ? b : a; }
 INLINE int64_t most_of(int64_t a, int64_t b) { return b > a ? b : a; }
+
+/* A number as a whole one; where it is beyond 64 bits or nan, as of a plant that runs away, the least one. */
+INLINE int64_t whole_of(double x) { return fabs(x) < 0x1p63 ? (int64_t)x : INT64_MIN; }
 
 /* Python's // and %: the quotient is rounded down. */
 INLINE int64_t floor_div(int64_t a, int64_t b) {

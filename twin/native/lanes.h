@@ -2,7 +2,7 @@
 
    `sel(mask, a, b)` stands where a scalar text has a branch. Each lane computes what the scalar text does, operation by
    operation, so that its bits are the same. Four lanes pay where a register holds them (AVX2): elsewhere one axis after
-   the other is as fast. */
+   the other is as fast (drives/19). */
 #pragma once
 #include "core.h"
 

@@ -25,11 +25,13 @@ _ELEMENTS: dict[str, np.dtype[Any]] = {
     "int64_t": np.dtype(np.int64),
     "double": np.dtype(np.float64),
 }
-_ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)\)")
+_ARRAY = re.compile(r"(A1|A2|R)\((const )?(\w+), (\w+)((?:, [^,)]+)*)\)")
+_LENGTH = re.compile(r"(?:(\d+) \* )?([a-z]\w*)(?: \+ (\d+))?")
 _POINTER = re.compile(r"(?:const )?(\w+) \*\w+")
 _NUMBER = re.compile(r"(int64_t|double) (\w+)")
 
 _BUFFER: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+_Length = tuple[int, str, int]  # times a length of that name, and so many more
 
 RECORDS: dict[str, np.dtype[np.void]] = {}  # by the name of the C struct
 POINTED: dict[str, dict[str, str]] = {}  # of a record: C types of what its fields of addresses point to
@@ -66,7 +68,7 @@ def address(array: NDArray[Any]) -> int:
 class Core:
     """The functions of the library, by name; or of that of another C file than core.c."""
 
-    abreast: bool  # once it is loaded: three axes go side by side in a register, with the same bits (lanes.h)
+    abreast: bool  # once it is loaded: axes go side by side in a register, with the same bits (drives/19)
 
     def __init__(self, source: Path | None = None) -> None:
         self._source = source
@@ -161,7 +163,7 @@ def _arguments(prototype: str) -> list[str]:
 
 
 def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., Any]:
-    kinds: list[tuple[np.dtype[Any], int, bool, str] | None] = []
+    kinds: list[tuple[np.dtype[Any], int, bool, str, list[_Length]] | None] = []
     for argument in arguments:
         array = _ARRAY.fullmatch(argument)
         if array is None:
@@ -170,18 +172,20 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
             dtype: np.dtype[Any] | None = _ELEMENTS.get(array[3], RECORDS.get(array[3]))
             if dtype is None:
                 raise CoreError(f"{name}: {argument}: no record here has that name; import the module that makes it")
-            kinds.append((dtype, {"R": 0, "A1": 1, "A2": 2}[array[1]], array[2] is None, argument))
+            dimensions = {"R": 0, "A1": 1, "A2": 2}[array[1]]
+            kinds.append((dtype, dimensions, array[2] is None, argument, _lengths(array[5])))
     count = len(kinds)
 
     def call(*given: Any) -> Any:
         if len(given) != count:
             raise TypeError(f"{name}: takes {count} arguments, not {len(given)}: {', '.join(arguments)}")
         flat: list[Any] = []
+        known: dict[str, int] = {}
         for kind, argument in zip(kinds, given, strict=True):
             if kind is None:
                 flat.append(argument)
                 continue
-            dtype, dimensions, written, text = kind
+            dtype, dimensions, written, text, lengths = kind
             if (
                 not isinstance(argument, np.ndarray)
                 or (argument.dtype is not dtype and argument.dtype != dtype)
@@ -190,6 +194,9 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
                 or (argument.ndim != dimensions if dimensions else not argument.size)
             ):
                 raise TypeError(f"{name}: {text}: got {_described(argument)}")
+            for (times, word, more), length in zip(lengths, argument.shape, strict=False):
+                if times * known.setdefault(word, (length - more) // times if word else 0) + more != length:
+                    raise TypeError(f"{name}: {text}: got {_described(argument)}{_with(word, known)}")
             flat.append(address(argument))
             if dimensions:
                 flat.extend(argument.shape)
@@ -197,6 +204,19 @@ def _checked(function: Any, name: str, arguments: list[str]) -> Callable[..., An
 
     call.__name__ = name
     return call
+
+
+def _lengths(text: str) -> list[_Length]:
+    """The lengths that a prototype gives an array; none, or one a dimension. A number is 0 times nothing, and more."""
+    found: list[_Length] = []
+    for given in text.split(", ")[1:]:
+        word = _LENGTH.fullmatch(given)
+        found.append((int(word[1] or 1), word[2], int(word[3] or 0)) if word else (0, "", int(given)))
+    return found
+
+
+def _with(word: str, known: dict[str, int]) -> str:
+    return f", with {word} = {known[word]}" if word else ""
 
 
 def _described(argument: Any) -> str:

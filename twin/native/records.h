@@ -57,6 +57,7 @@
 #define STEPS_LOST 4
 #define IDLE -2
 #define PREVIEW_MM {0.5, 1.0, 2.0, 4.0, 8.0}
+#define SIZE 35
 
 typedef struct {
     int64_t dof;

@@ -1,6 +1,6 @@
 /* All axes abreast in a register each number, for as long as nothing but drives and carriages moves: through a window,
-   as a rule. Where the processor has no such registers, or a drive is no stepper motor's, or cut, feeler or common supply
-   couple the axes, the loop makes one after the other (kernel.c): the same text, so the same bits. */
+   as a rule. Where the processor has no such registers, or a drive is no stepper motor's, or cut, feeler or common
+   supply couple the axes, the loop makes one after the other (kernel.c): the same text, so the same bits. */
 #pragma once
 #include "../drives/law.h"
 
@@ -77,8 +77,9 @@ INLINE void give_axes(const ABREAST *abreast, MEMORY *memory) {
 /* Advance drives and carriages by a sub-step, with the commands and currents of the records. */
 INLINE void step_abreast(ABREAST *abreast, const MEMORY *memory, double dt_s) {
     V4 none = {0}, x_mid_m = halfway_m_4(&abreast->axis, dt_s);
-    TORQUE_4 motor = stepper_torque_4(&abreast->drive, &abreast->state, (V4)ROW(memory->axes, command),
-                                      abreast->axis.phases & memory->supply->gate, (V4)ROW(memory->axes, fraction), none);
+    V4 command = ROW(memory->axes, command), fraction = ROW(memory->axes, fraction);
+    M4 phases = abreast->axis.phases & memory->supply->gate;
+    TORQUE_4 motor = stepper_torque_4(&abreast->drive, &abreast->state, command, phases, fraction, none);
     V4 nut_n = turn_4(&abreast->drive, &abreast->state, motor, x_mid_m - abreast->axis.zero_m, abreast->axis.v_m_s);
     move_4(&abreast->axis, x_mid_m, nut_n, abreast->axis.push_n + nut_n, abreast->state.torque_nm, dt_s);
 }

@@ -1,5 +1,5 @@
-/* The carriage of an axis within a window: nut force, push and guide friction move it (kernel.c). Text of law.h, for each
-   width. */
+/* The carriage of an axis within a window: nut force, push and guide friction move it (kernel.c). Text of law.h, for
+   each width. */
 
 /* Where it is in the middle of a sub-step. */
 INLINE V OF(halfway_m)(const OF(AXIS) *axis, double dt_s) { return axis->x_m + 0.5 * dt_s * axis->v_m_s; }

@@ -1,5 +1,5 @@
-/* Carriages that follow their command exactly, up to the first tick or nanosecond at which a switch changes, and what is
-   asked of the same way: its corners and samples (following.py, path_samples.py).
+/* Carriages that follow their command exactly, up to the first tick or nanosecond at which a switch changes, and what
+   is asked of the same way: its corners and samples (following.py, path_samples.py).
 
    commanded [axes] counts, below 2^61      leads [axes], what of them is still being led (lead.h)
 
@@ -15,7 +15,7 @@
 INLINE int64_t count_of(double x) { return (int64_t)most(-0x1p61, least(0x1p61, x)); }
 
 /* Fill in the open interval of counts, low and high [axes], in which no switch of an axis changes outside leads. */
-API void switch_bounds(A1(int64_t, low), A1(int64_t, high), A1(const SWITCH, switches)) {
+API void switch_bounds(A1(int64_t, low, axes), A1(int64_t, high, axes), A1(const SWITCH, switches)) {
     for (int64_t a = 0; a < low_n; a++)
         low[a] = -FAR, high[a] = FAR;
     for (int64_t s = 0; s < switches_n; s++) {
@@ -51,9 +51,11 @@ INLINE int64_t set_switches(int64_t t_ns, const int64_t *commanded, const LEAD *
 /* Make steps, none of them led, until a switch changes, and tell whether one has; reached_ns [1]: when, or until_ns.
    scratch: [3, axes].
 
-   Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the search. */
-API int64_t make_steps(int64_t until_ns, A1(const int64_t, t_ns), A2(const int8_t, delta), A1(int64_t, commanded),
-                       A1(const LEAD, leads), A1(SWITCH, switches), A2(int64_t, scratch), A1(int64_t, reached_ns)) {
+   Axis by axis, so that its count stays in a register; the first tick at which one leaves its bounds ends the
+   search. */
+API int64_t make_steps(int64_t until_ns, A1(const int64_t, t_ns, n), A2(const int8_t, delta, n, columns),
+                       A1(int64_t, commanded, axes), A1(const LEAD, leads, axes), A1(SWITCH, switches),
+                       A2(int64_t, scratch, 3, axes), A1(int64_t, reached_ns, 1)) {
     int64_t axes = delta_columns, ticks = delta_rows, made = 0;
     int64_t *low = scratch, *high = scratch + scratch_columns, *place = high + scratch_columns;
     switch_bounds(low, scratch_columns, high, scratch_columns, switches, switches_n);
@@ -120,7 +122,8 @@ INLINE int64_t first_change(int64_t start_ns, int64_t until_ns, const int64_t *c
 }
 
 /* Take the changes [axes] of a tick. */
-INLINE void follow_tick(int64_t t_ns, const int32_t *delta, int64_t axes, int64_t lead_ns, int64_t *commanded, LEAD *leads) {
+INLINE void follow_tick(int64_t t_ns, const int32_t *delta, int64_t axes, int64_t lead_ns, int64_t *commanded,
+                        LEAD *leads) {
     for (int64_t i = 0; i < axes; i++) {
         commanded[i] += delta[i];
         if (lead_ns > 0 && delta[i] != 0)
@@ -129,9 +132,9 @@ INLINE void follow_tick(int64_t t_ns, const int32_t *delta, int64_t axes, int64_
 }
 
 /* Make ticks and leads until a switch changes, and tell whether one has; reached_ns [1]: when, or until_ns. */
-API int64_t lead_on(int64_t start_ns, int64_t until_ns, int64_t lead_ns, A1(const int64_t, t_ns),
-                    A2(const int32_t, delta), A1(int64_t, commanded), A1(LEAD, leads), A1(SWITCH, switches),
-                    A1(int64_t, reached_ns)) {
+API int64_t lead_on(int64_t start_ns, int64_t until_ns, int64_t lead_ns, A1(const int64_t, t_ns, n),
+                    A2(const int32_t, delta, n, columns), A1(int64_t, commanded, axes), A1(LEAD, leads, axes),
+                    A1(SWITCH, switches), A1(int64_t, reached_ns, 1)) {
     int64_t made = 0, now_ns = start_ns;
     for (;;) {
         int64_t goal_ns = made == t_ns_n ? until_ns : t_ns[made] - 1;
@@ -158,9 +161,9 @@ INLINE void places_at(int64_t t_ns, const int64_t *commanded, const LEAD *leads,
 
 /* Where the path has its corners up to until_ns, what is led included: times [n] and counts [n, axes], before and after
    each change; return their number, at most (ticks + 1) (axes + 3) + 1. commanded, leads: copies, which change. */
-API int64_t path_corners(int64_t start_ns, int64_t until_ns, int64_t lead_ns, A1(const int64_t, t_ns),
-                         A2(const int32_t, delta), A1(int64_t, commanded), A1(LEAD, leads), A1(int64_t, times_ns),
-                         A2(double, counts)) {
+API int64_t path_corners(int64_t start_ns, int64_t until_ns, int64_t lead_ns, A1(const int64_t, t_ns, n),
+                         A2(const int32_t, delta, n, columns), A1(int64_t, commanded, axes), A1(LEAD, leads, axes),
+                         A1(int64_t, times_ns, m), A2(double, counts, m, axes)) {
     int64_t axes = leads_n, n = 0, now_ns = start_ns;
     for (int64_t made = 0;; made++) {
         int64_t goal_ns = made == t_ns_n ? until_ns : t_ns[made];
@@ -182,9 +185,9 @@ API int64_t path_corners(int64_t start_ns, int64_t until_ns, int64_t lead_ns, A1
 
 /* Fill in counts [n, axes], what is behind them, speeds in microsteps/s; at rising times [n]. commanded, leads: copies
    of the state before the first tick, which change. */
-API void commands_at(A1(const int64_t, times_ns), int64_t lead_ns, A1(const int64_t, t_ns), A2(const int32_t, delta),
-                     A1(int64_t, commanded), A1(LEAD, leads), A2(int64_t, counts), A2(double, left),
-                     A2(double, speeds)) {
+API void commands_at(A1(const int64_t, times_ns, m), int64_t lead_ns, A1(const int64_t, t_ns, n),
+                     A2(const int32_t, delta, n, columns), A1(int64_t, commanded, axes), A1(LEAD, leads, axes),
+                     A2(int64_t, counts, m, axes), A2(double, left, m, axes), A2(double, speeds, m, axes)) {
     int64_t axes = leads_n, made = 0;
     for (int64_t n = 0; n < times_ns_n; n++) {
         int64_t now_ns = times_ns[n];

@@ -7,10 +7,10 @@
 #define AGREE_M_S 1e-9 /* largest difference to MuJoCo's speed after a step; its solver stops at a tenth of that */
 
 /* Fill in joints [n]. bounds [2, n], mobility [n, n], others [n]; place: where the spring is without force. */
-API void write_out(A1(JOINT, joints), A2(const double, bounds), A2(const double, mobility), A1(const double, weight_n),
-                   A1(const double, stiffness), A1(const double, place), A1(const double, damping),
-                   A1(const double, loss), A1(const double, inverse_kg), A1(const double, creep),
-                   A1(const double, impedance)) {
+API void write_out(A1(JOINT, joints, n), A2(const double, bounds, 2, n), A2(const double, mobility, n, n),
+                   A1(const double, weight_n, n), A1(const double, stiffness, n), A1(const double, place, n),
+                   A1(const double, damping, n), A1(const double, loss, n), A1(const double, inverse_kg, n),
+                   A1(const double, creep, n), A1(const double, impedance, n)) {
     int64_t n = joints_n;
     for (int64_t j = 0; j < n; j++) {
         JOINT *joint = &joints[j];
@@ -26,11 +26,11 @@ API void write_out(A1(JOINT, joints), A2(const double, bounds), A2(const double,
     }
 }
 
-/* 1 if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the other or
-   between. qpos, qvel, qfrc are those of `data`; scratch [4, n]. */
-API int64_t agrees(A1(JOINT, joints), A2(const double, mobility), double h_s, int64_t mj_step, int64_t model,
-                   int64_t data, A2(const double, bounds), A1(double, qpos), A1(double, qvel), A1(double, qfrc),
-                   A2(double, scratch)) {
+/* 1 if steps equal MuJoCo's: at rest, creeping, moving, each unpushed and pushed, at one end of the bounds, the other
+   or between. qpos, qvel, qfrc are those of `data`; scratch [4, n]. */
+API int64_t agrees(A1(JOINT, joints, n), A2(const double, mobility, n, n), double h_s, int64_t mj_step, int64_t model,
+                   int64_t data, A2(const double, bounds, 2, n), A1(double, qpos, n), A1(double, qvel, n),
+                   A1(double, qfrc, n), A2(double, scratch, 4, n)) {
     int64_t n = joints_n;
     double *q = scratch, *v = scratch + n, *a = scratch + 2 * n, *a_smooth = scratch + 3 * n;
     for (int i = 0; i < 12; i++) {

@@ -10,22 +10,23 @@
                                  -> mj_step            window start: v from MuJoCo, a from its last step
 
    Inside the window the drives see a carriage that responds to nut force and guide friction (m: inertia at the nut).
-   Other forces are those of the window before, except springs and dampers of the structure, which are those at the start
-   of this one: a window late they would feed oscillations. At the end MuJoCo, with friction, stops, structure and
+   Other forces are those of the window before, except springs and dampers of the structure, which are those at the
+   start of this one: a window late they would feed oscillations. At the end MuJoCo, with friction, stops, structure and
    contacts, gives the velocity, and the position is corrected by the difference:
 
        x = x_n + h (v_MuJoCo - v_n)                    h = n dt
 
    which is MuJoCo's own rule (x' = x + h v') for the forces that only MuJoCo has, and the sub-steps' for the nut force
    and the moment at which friction stops a carriage: both are resolved at dt, not at h (plant/3). MuJoCo's dry friction
-   creeps (below 1 um/s); a carriage that sticks in the sub-steps does not. Thresholds are compared after every sub-step.
+   creeps (below 1 um/s); a carriage that sticks in the sub-steps does not. Thresholds are compared after every
+   sub-step.
 
    A drive gets the exact time mean of its command over the sub-step: the sum of the ticks, each weighted by the part of
    the sub-step that follows it, less the mean of the rest of the leads (lead.py).
 
-   Shaken: a motor that has lost its step throws its nut to and fro, at a stop above all. Where the structure moves faster
-   than SHAKEN_M_S, as no motion in step does, windows are cut into `fine` ones until it has been calm (plant/25): the
-   exchange could not follow else, and would feed what it should damp.
+   Shaken: a motor that has lost its step throws its nut to and fro, at a stop above all. Where the structure moves
+   faster than SHAKEN_M_S, as no motion in step does, windows are cut into `fine` ones until it has been calm
+   (plant/25): the exchange could not follow else, and would feed what it should damp.
 
    Rest: after `rest_windows` windows of standstill without leads the plant is frozen: all sub-steps up to the next tick
    or change of current are skipped (plant/6). Of these windows themselves those are skipped that would change no bit.
@@ -281,8 +282,8 @@ INLINE void make_substep(MEMORY *memory, double dt_s) {
 
 #if WIDE
 WIDE_BEGIN
-/* Make sub-steps with all axes abreast up to the end of the window, `until`, or the first one after which something is to
-   be looked at. */
+/* Make sub-steps with all axes abreast up to the end of the window, `until`, or the first one after which something is
+   to be looked at. */
 static void make_substeps_abreast(MEMORY *memory, TICKS *ticks, int64_t until, double dt_s) {
     PLANT *plant = memory->plant;
     ABREAST abreast;
@@ -340,8 +341,8 @@ INLINE int find_edge(MEMORY *memory) {
     return (near && pass_thresholds(memory)) || plant->struck;
 }
 
-/* Tell where the joints are at until_ns, within a sub-step along their velocities. What only MuJoCo knows, the structure,
-   is known at the ends of windows: it comes one window late and smooth. */
+/* Tell where the joints are at until_ns, within a sub-step along their velocities. What only MuJoCo knows, the
+   structure, is known at the ends of windows: it comes one window late and smooth. */
 static void tell_places(MEMORY *memory, int64_t until_ns) {
     const PLANT *plant = memory->plant;
     int64_t dt_ns = plant->substep_ns, ahead_ns = plant->edge ? 0 : until_ns - plant->now * dt_ns;
@@ -355,9 +356,14 @@ static void tell_places(MEMORY *memory, int64_t until_ns) {
     }
 }
 
-/* `advance`, for callers in C. */
-static int64_t advance_to(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
-                          int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
+/* Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left, or
+   two shapes that must not meet were found to touch, or to the first look at which all drives are in position; return
+   the ticks made.
+
+   t_ns [ticks], delta [ticks, axes], axes at most as many as there are commands: ticks in time order; early_lead_ns
+   [early], early <= ticks: leads of the first ticks, lead_ns that of the others. mujoco.py checks what it passes. */
+API int64_t advance(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
+                    int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
     PLANT *plant = memory->plant;
     TICKS given = {t_ns, delta, early_lead_ns, ticks, axes, early, lead_ns, 0};
     int64_t dt_ns = plant->substep_ns, until = floor_div(until_ns, dt_ns);
@@ -400,30 +406,20 @@ static int64_t advance_to(MEMORY *memory, int64_t until_ns, const int64_t *t_ns,
     return given.made;
 }
 
-/* Advance by whole sub-steps to until_ns, or to the end of the first one in which a threshold was passed or left, or two
-   shapes that must not meet were found to touch, or to the first look at which all drives are in position; return the
-   ticks made.
-
-   t_ns [ticks], delta [ticks, axes], axes at most as many as there are commands: ticks in time order; early_lead_ns
-   [early], early <= ticks: leads of the first ticks, lead_ns that of the others. mujoco.py checks what it passes. */
-API int64_t advance(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64_t ticks, const int32_t *delta,
-                    int64_t axes, const int64_t *early_lead_ns, int64_t early, int64_t lead_ns) {
-    return advance_to(memory, until_ns, t_ns, ticks, delta, axes, early_lead_ns, early, lead_ns);
-}
-
 /* The same without ticks: the shortest call, as many advance nothing. */
 API void advance_alone(MEMORY *memory, int64_t until_ns) {
-    advance_to(memory, until_ns, NULL, 0, NULL, 0, NULL, 0, 0);
+    advance(memory, until_ns, NULL, 0, NULL, 0, NULL, 0, 0);
 }
 
 /* `margin`, `bite` and `glide` for arrays in Python: closed forms are compared with them. available_nm [SPEEDS]. */
-API double margin_at(A1(const double, available_nm), double torque_nm, double lag_full_steps, double speed_rad_s,
-                     double fraction) {
+API double margin_at(A1(const double, available_nm, SPEEDS), double torque_nm, double lag_full_steps,
+                     double speed_rad_s, double fraction) {
     return margin(torque_nm, lag_full_steps, speed_rad_s, available_nm, fraction);
 }
 API void bite_once(R(CUT, cut), int64_t now, double x_m_s, double y_m_s) { bite(cut, now, x_m_s, y_m_s); }
-API int64_t glide_once(A1(JOINT, joints), A2(const double, mobility), double h_s, A1(double, qpos), A1(double, qvel),
-                       A1(double, qacc), A1(double, qacc_smooth), A1(const double, qfrc)) {
+API int64_t glide_once(A1(JOINT, joints, n), A2(const double, mobility, n, n), double h_s, A1(double, qpos, n),
+                       A1(double, qvel, n), A1(double, qacc, n), A1(double, qacc_smooth, n),
+                       A1(const double, qfrc, n)) {
     return glide(joints, mobility, joints_n, h_s, qpos, qvel, qacc, qacc_smooth, qfrc);
 }
 

@@ -14,7 +14,7 @@ INLINE double margin(double torque_nm, double lag_full_steps, double speed_rad_s
     double largest_nm = available_nm[k] + (place - (double)k) * (available_nm[k + 1] - available_nm[k]);
     largest_nm = least(largest_nm, fraction * available_nm[0]);
     double by_torque = 1.0 - fabs(torque_nm) / most(largest_nm, LEAST_NM);
-    double nearest = lag_full_steps - 4.0 * (double)(int64_t)floor(0.25 * lag_full_steps + 0.5);
+    double nearest = lag_full_steps - 4.0 * (double)whole_of(floor(0.25 * lag_full_steps + 0.5));
     double by_angle = 1.0 - 0.5 * fabs(nearest);
     return most(0.0, least(by_torque, by_angle));
 }

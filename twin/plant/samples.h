@@ -5,7 +5,8 @@
 #include "../native/records.h"
 #include "lead.h"
 
-/* What axis i has in a sample: commanded and rotor [m], current fraction, margin, force on the nut. at: the sub-step. */
+/* What axis i has in a sample: commanded and rotor [m], current fraction, margin, force on the nut. at: the
+   sub-step. */
 INLINE void sample_axis(const MEMORY *memory, int i, int64_t at, double *rotor, double *values) {
     const PLANT *plant = memory->plant;
     const AXIS *axis = &memory->axes[i];
@@ -23,8 +24,8 @@ INLINE void sample_axis(const MEMORY *memory, int i, int64_t at, double *rotor, 
 }
 
 /* Take a sample: the sub-step `at` (now or, if nothing moves, later), places and speeds of the joints [nv], commanded
-   and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage, bending of the tool [2]. Places
-   are those `sample_ahead_ns` after it. */
+   and rotors [m], current fractions, margins and forces on the nuts [3], supply voltage, bending of the tool [2].
+   Places are those `sample_ahead_ns` after it. */
 static void take_sample(MEMORY *memory, int64_t at) {
     PLANT *plant = memory->plant;
     int64_t n = memory->joints, m = memory->commands, ahead_ns = plant->sample_ahead_ns;

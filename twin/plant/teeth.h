@@ -23,7 +23,7 @@ INLINE void bite(CUT *cut, int64_t now, double x_m_s, double y_m_s) {
     double half_rad = PI * cut->turns;
     for (int64_t tooth = 0; tooth < cut->flutes; tooth++) {
         double place = turns + (double)tooth / (double)cut->flutes;
-        double phi = 2.0 * PI * (place - (double)(int64_t)floor(place));
+        double phi = 2.0 * PI * (place - (double)whole_of(floor(place)));
         if (phi + half_rad > 2.0 * PI + cut->enter_rad)
             phi -= 2.0 * PI;
         double low = most(phi - half_rad, cut->enter_rad), high = least(phi + half_rad, cut->leave_rad);

@@ -4,8 +4,8 @@
 
 /* The first place of a path [n, 3] at which the contact changes or the feeler breaks; n: none. The feeler is then as it
    is there. Places nearer to one that was looked at than the targets were are not looked at. */
-API int64_t first_felt(R(FEELER, feeler), A1(const TARGET, targets), A2(const double, path_mm), double threshold_m,
-                       int64_t touched) {
+API int64_t first_felt(R(FEELER, feeler), A1(const TARGET, targets), A2(const double, path_mm, n, 3),
+                       double threshold_m, int64_t touched) {
     double x_mm = 0.0, y_mm = 0.0, z_mm = 0.0, free_mm = 0.0;
     for (int64_t k = 0; k < path_mm_rows; k++) {
         const double *place_mm = path_mm + 3 * k;

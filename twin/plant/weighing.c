@@ -7,7 +7,8 @@
 
 /* Fill in masses at the nuts and springs: mobility [nv, nv] of the joints; stiffness, damping [nv]: of each, which has
    one coordinate. */
-API void spring(R(MEMORY, memory), A2(const double, mobility), A1(const double, stiffness), A1(const double, damping)) {
+API void spring(R(MEMORY, memory), A2(const double, mobility, n, n), A1(const double, stiffness, n),
+                A1(const double, damping, n)) {
     int64_t n = mobility_rows;
     for (int i = 0; i < AXES; i++) {
         int64_t dof = memory->axes[i].dof;
@@ -21,7 +22,7 @@ API void spring(R(MEMORY, memory), A2(const double, mobility), A1(const double, 
 
 /* Let nuts and carriages stand at rest at qpos [nv]: in the middle of the backlash or, pulled by weight [nv], on the
    flank (plant/8). */
-API void balance(R(MEMORY, memory), A1(const double, qpos), A1(const double, weight)) {
+API void balance(R(MEMORY, memory), A1(const double, qpos, n), A1(const double, weight, n)) {
     for (int64_t j = 0; j < qpos_n; j++)
         memory->before[j] = memory->place[j] = qpos[j];
     for (int i = 0; i < AXES; i++) {
@@ -35,7 +36,8 @@ API void balance(R(MEMORY, memory), A1(const double, qpos), A1(const double, wei
 
 /* 1 if the squares of all frequencies of masses [n, n] on springs [n] are below the highest one: if highest * masses -
    springs is positive definite, by Cholesky's factors. scratch [n, n]. */
-API int64_t holds(A2(const double, inertia), A1(const double, stiffness), double highest_per_s2, A2(double, scratch)) {
+API int64_t holds(A2(const double, inertia, n, n), A1(const double, stiffness, n), double highest_per_s2,
+                  A2(double, scratch, n, n)) {
     int64_t n = stiffness_n;
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j <= i; j++) {

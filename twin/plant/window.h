@@ -181,8 +181,8 @@ INLINE int keep_all(MEMORY *memory) {
     return same & keep(memory->qacc, joints, &kept);
 }
 
-/* Give the window's mean forces to the joints; 0 if one of them is no number or a carriage is lost. *quiet: cleared if a
-   drive does not rest. */
+/* Give the window's mean forces to the joints; 0 if one of them is no number or a carriage is lost. *quiet: cleared if
+   a drive does not rest. */
 INLINE int hand_over(MEMORY *memory, int *quiet) {
     double window = (double)memory->plant->window;
     for (int i = 0; i < AXES; i++) {

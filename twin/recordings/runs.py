@@ -116,8 +116,10 @@ def _path_from(table: dict[str, Any]) -> StepPath:
     if "line" in table:
         return replace(line([int(n) for n in table["line"]]), ticks=int(table["ticks"]))
     numbers = dict(table["circle"])
-    first, second = numbers.pop("plane")
-    return Circle(numbers.pop("ticks"), plane=(int(first), int(second)), **numbers)
+    (first, second), third = map(int, numbers.pop("plane")), numbers.pop("third_axis")
+    whole = {name: int(number) for name, number in numbers.items()}
+    third_axis = None if third is None else int(third)
+    return Circle(whole.pop("ticks"), plane=(first, second), third_axis=third_axis, **whole)
 
 
 def _joined_from(table: dict[str, Any], before: Motion | None) -> SetPointRun:

@@ -4,11 +4,11 @@
 #include "../native/records.h"
 
 /* Lay the lines of a dump into out, and return what they fill: text which[i] of the pool, after a line with its time,
-   which is not negative, if that is new. ends [texts + 1]: where each text of the pool begins, and the last one ends. */
-API int64_t lay_lines(A1(const int64_t, times_ns), A1(const uint8_t, new), A1(const int64_t, which),
+   which is not negative, if that is new. ends [texts + 1]: where each text of the pool begins, and the last one
+   ends. */
+API int64_t lay_lines(A1(const int64_t, times_ns, n), A1(const uint8_t, new, n), A1(const int64_t, which, n),
                       A1(const uint8_t, pool), A1(const int64_t, ends), A1(uint8_t, out)) {
     int64_t at = 0;
-    CHECK(new_n == times_ns_n && which_n == times_ns_n);
     for (int64_t i = 0; i < times_ns_n; i++) {
         if (new[i]) {
             int64_t digits = 1;
@@ -42,14 +42,14 @@ INLINE void add_edge(EDGES *made, int64_t t_ns, int64_t signal, int level) {
     made->codes[made->count++] = 2 * signal + level;
 }
 
-/* Lay the edges of ticks into edge_ns and codes [4 a tick and axis], and return their number. rose_ns, minus, full, high
-   [axes]: time of the tick before, and what it left of each axis; the latter three are left as the last tick leaves
-   them. Signals: pulses of all axes, directions, and if `doubled` full steps. */
-API int64_t lay_edges(A1(const int64_t, t_ns), A2(const int32_t, delta), int64_t rose_ns, A1(uint8_t, minus),
-                      A1(uint8_t, full), A1(uint8_t, high), int64_t doubled, A1(int64_t, edge_ns), A1(int64_t, codes)) {
-    EDGES made = {edge_ns, codes, least_of(edge_ns_n, codes_n), 0};
+/* Lay the edges of ticks into edge_ns and codes [4 a tick and axis], and return their number. rose_ns, minus, full,
+   high [axes]: time of the tick before, and what it left of each axis; the latter three are left as the last tick
+   leaves them. Signals: pulses of all axes, directions, and if `doubled` full steps. */
+API int64_t lay_edges(A1(const int64_t, t_ns, n), A2(const int32_t, delta, n, axes), int64_t rose_ns,
+                      A1(uint8_t, minus, axes), A1(uint8_t, full, axes), A1(uint8_t, high, axes), int64_t doubled,
+                      A1(int64_t, edge_ns, m), A1(int64_t, codes, m)) {
+    EDGES made = {edge_ns, codes, edge_ns_n, 0};
     int64_t axes = delta_columns;
-    CHECK(delta_rows == t_ns_n && minus_n >= axes && full_n >= axes && high_n >= axes);
     for (int64_t k = 0; k < t_ns_n; k++) {
         const int32_t *change = delta + k * axes;
         int room = t_ns[k] - rose_ns >= 2;

@@ -4,8 +4,9 @@
 #include "../../native/records.h"
 
 /* Length of each piece, its highest speed and acceleration, its effective increments per path. */
-API void gmi99_limits(A2(const double, way), R(const GMI99_RULES, rules), A1(const double, shortest_s),
-                      A1(double, length), A1(double, limit), A1(double, acceleration), A2(double, per_path)) {
+API void gmi99_limits(A2(const double, way, n, 6), R(const GMI99_RULES, rules), A1(const double, shortest_s, n),
+                      A1(double, length, n), A1(double, limit, n), A1(double, acceleration, n),
+                      A2(double, per_path, n, 6)) {
     for (int64_t j = 0; j < way_rows; j++) {
         const double *along = &way[j * way_columns];
         double *share = &per_path[j * way_columns];
@@ -35,7 +36,7 @@ API void gmi99_limits(A2(const double, way), R(const GMI99_RULES, rules), A1(con
 }
 
 /* entry[j]: highest speed from the direction in row j - 1 into that of row j; not of row 0. */
-API void gmi99_corners(A2(const double, per_path), R(const GMI99_RULES, rules), A1(double, entry)) {
+API void gmi99_corners(A2(const double, per_path, n, 6), R(const GMI99_RULES, rules), A1(double, entry, n)) {
     int64_t slots = per_path_columns;
     double jump_hz = rules->jump_hz, sharp_hz = rules->sharp_jump_hz;
     for (int64_t j = 1; j < per_path_rows; j++) {
