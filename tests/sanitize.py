@@ -18,7 +18,7 @@ from pathlib import Path
 from isel_twin.native import compiling
 
 ROOT = Path(__file__).parents[1]
-LIBRARY = ROOT / "build" / "sanitized" / f"core{compiling.SUFFIX}"
+LIBRARY = ROOT / "build" / "sanitized" / f"core{compiling.suffix()}"
 FLAGS = "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1", "-DDEBUG"
 TOO_LONG = "tests/recordings/test_trace.py::test_npz_of_ten_million_steps_needs_little_memory"  # of memory, too
 TESTS = (
