@@ -314,7 +314,7 @@ API int64_t take_step(R(const PLACE, place), A1(const double, action, AXES), A1(
 
    places [n], actions [n, 3], observations [n, SIZE], overs [n]: what each returns. feed_mm_s, offset_mm: of
    `action_along`, which fills in the actions from asked [n, 4] unless the feed is 0. */
-API void take_steps(A1(const PLACE, places, n), double feed_mm_s, double offset_mm, A2(const double, asked, n, 4),
+API void take_steps(A1(const PLACE, places, n), double feed_mm_s, double offset_mm, A2(const double, asked, n, columns),
                     A2(double, actions, n, AXES), A2(double, observations, n, SIZE), A1(int64_t, overs, n),
                     int64_t first, int64_t last) {
     for (int64_t k = most_of(first, 0); k < least_of(last, places_n); k++) {

@@ -13,10 +13,9 @@ from tests.forked import PATIENCE_S
 
 TOO_SHORT = """
 import numpy as np
-from isel_twin.capture.vcd import SCAN
 from isel_twin.native import core
-data, keys, levels = np.frombuffer(b"1!", np.uint8), np.array([33]), np.zeros(1, np.int8)
-core.scan_dump(data, keys, np.zeros(1, SCAN), levels, levels, levels, np.zeros(9, np.int64), np.zeros(9, np.uint8))
+pool, ends, room = np.frombuffer(b"0!", np.uint8), np.array([0, 2]), np.zeros(99, np.uint8)
+core.lay_lines(np.array([7]), np.ones(1, np.uint8), np.array([1]), pool, ends, room)
 """
 
 
@@ -27,5 +26,5 @@ def test_a_debug_build_tells_of_an_array_that_is_too_short(tmp_path: Path) -> No
         capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
     assert "vcd.c:" in done.stderr
-    assert "lost_n == keys_n + 1" in done.stderr
+    assert "which[i] + 1 < ends_n" in done.stderr
     assert done.returncode == -signal.SIGABRT
