@@ -60,7 +60,7 @@ def test_physics_and_samples_beside_bare_mujoco(benchmark: Any) -> None:
     twin = ready("mujoco")
     plant = twin._plant
     assert isinstance(plant, MujocoPlant)
-    step = bare(plant, plant.model)
+    step = bare(plant.model)
 
     def job() -> float:
         began, cpu = twin.time_ns, time.process_time()
@@ -93,8 +93,8 @@ def test_physics_and_samples_beside_bare_mujoco(benchmark: Any) -> None:
     benchmark.extra_info["sampling every ms, times bare mj_step"] = looking
     benchmark.extra_info["sampling every ms, us a sample"] = (sampled_s - job_s) * 1e3
     benchmark.extra_info["whole twin, times real time by CPU"] = 1.0 / job_s
-    assert alone <= 1.0
-    assert looking <= 1.0
+    assert alone <= 0.6
+    assert looking <= 1.8
 
 
 @pytest.mark.benchmark(group="twin, recorded")
@@ -121,7 +121,7 @@ def test_recording_at_100_hz(benchmark: Any, tmp_path: Path) -> None:
     benchmark.extra_info["recorded over not recorded, least of each"] = float(least[1] / least[0])
     benchmark.extra_info["recorded over not recorded, median of turns"] = statistics.median(b / a for a, b in turns)
     benchmark.extra_info["MB in ten minutes of motion"] = size_mb
-    assert least[1] / least[0] <= 1.05
+    assert least[1] / least[0] <= 1.15
     assert size_mb <= 20.0
 
 

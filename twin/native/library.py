@@ -59,8 +59,10 @@ def layout(dtype: np.dtype[np.void]) -> str:
 
 
 def address(array: NDArray[Any]) -> int:
-    """Where the first element is. Keep the array as long as the address."""
-    if array.flags.writeable and array.size and array.dtype.names is None:  # a quarter of the time, but of records
+    """Where the first element is, 0 without one. Keep the array as long as the address."""
+    if not array.size:
+        return 0
+    if array.flags.writeable and array.dtype.names is None:  # a quarter of the time, but of records
         return ctypes.addressof(_BUFFER(array))
     return int(array.ctypes.data)
 
