@@ -59,8 +59,8 @@ def sources(source: Path | None = None) -> list[Path]:
 
 
 def digest(files: list[Path]) -> str:
-    """A digest of these files, by which a library tells of which source it is."""
-    found = hashlib.sha256()
+    """A digest of these files and of the flags, by which a library tells of which source it is."""
+    found = hashlib.sha256(repr((FLAGS, X86_64)).encode())
     for path in files:
         found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()

@@ -43,12 +43,8 @@ INLINE int64_t most_of(int64_t a, int64_t b) { return b > a ? b : a; }
 /* A number as a whole one; where it is beyond 64 bits or nan, as of a plant that runs away, the least one. */
 INLINE int64_t whole_of(double x) { return fabs(x) < 0x1p63 ? (int64_t)x : INT64_MIN; }
 
-/* Python's // and %: the quotient is rounded down. */
+/* Python's //: the quotient is rounded down. */
 INLINE int64_t floor_div(int64_t a, int64_t b) {
     int64_t quotient = a / b;
     return a % b != 0 && ((a % b < 0) != (b < 0)) ? quotient - 1 : quotient;
-}
-INLINE int64_t floor_mod(int64_t a, int64_t b) {
-    int64_t rest = a % b;
-    return rest != 0 && ((rest < 0) != (b < 0)) ? rest + b : rest;
 }

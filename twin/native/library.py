@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from isel_twin.native import compiling
 
-FOLDER = Path(__file__).parent
 _NUMBERS = {"int64_t": ctypes.c_int64, "double": ctypes.c_double}
 _ELEMENTS: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),

@@ -406,11 +406,6 @@ API int64_t advance(MEMORY *memory, int64_t until_ns, const int64_t *t_ns, int64
     return given.made;
 }
 
-/* The same without ticks: the shortest call, as many advance nothing. */
-API void advance_alone(MEMORY *memory, int64_t until_ns) {
-    advance(memory, until_ns, NULL, 0, NULL, 0, NULL, 0, 0);
-}
-
 /* `margin`, `bite` and `glide` for arrays in Python: closed forms are compared with them. available_nm [SPEEDS]. */
 API double margin_at(A1(const double, available_nm, SPEEDS), double torque_nm, double lag_full_steps,
                      double speed_rad_s, double fraction) {

@@ -79,7 +79,7 @@ class MujocoPlant(LoopSamples):
         self.data = built.data
         self.parts = built.parts
         self._memory = built.memory
-        self._loop, self._loop_alone = core.raw("advance"), core.raw("advance_alone")
+        self._loop = core.raw("advance")
         self._at = address(built.memory)
         self.time_ns = 0
         self.edge = False
@@ -174,13 +174,9 @@ class MujocoPlant(LoopSamples):
                 t_ns, changes = np.concatenate((early_ns, t_ns)), np.concatenate((self._late[1], changes))
         else:
             t_ns = early_ns
-        made = 0
-        if len(t_ns):
-            ticks = address(t_ns), len(t_ns), address(changes), changes.shape[1]
-            leads = address(early_lead_ns), len(early_lead_ns), int(lead_ns)
-            made = self._loop(self._at, int(until_ns), *ticks, *leads)
-        else:
-            self._loop_alone(self._at, int(until_ns))
+        ticks = address(t_ns), len(t_ns), address(changes), changes.shape[1]
+        leads = address(early_lead_ns), len(early_lead_ns), int(lead_ns)
+        made = self._loop(self._at, int(until_ns), *ticks, *leads)
         self.time_ns = words.item(_NOW) * self._substep_ns
         self.edge = words.item(_EDGE) != 0
         if words.item(_LOST_DOF) >= 0:
