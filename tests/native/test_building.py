@@ -63,7 +63,16 @@ def test_without_a_compiler_one_is_named(sources: Path, monkeypatch: pytest.Monk
 
 def test_a_compiler_that_is_not_there(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "nowhere-cc -O1")
-    assert wrong(sources).startswith("nowhere-cc: No such file or directory;")
+    told = wrong(sources)
+    assert told.startswith("nowhere-cc: No such file or directory;")
+    assert told.endswith("; CC names this compiler: unset it")
+
+
+def test_another_library_that_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "other.so").write_bytes(b"none")
+    monkeypatch.setenv("ISEL_TWIN_CORE", str(tmp_path / "other.so"))
+    with pytest.raises(CoreError, match=r"other\.so: cannot be loaded .*; ISEL_TWIN_CORE names it: unset that$"):
+        Core().load()
 
 
 def test_a_compiler_that_cannot_is_passed_over(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,7 @@ TARGETS = {  # other machines, as ziglang names them: the tag of a wheel
     "x86_64-windows-gnu": "win_amd64",
 }
 REMEDY = "build it: `python -m isel_twin.native.compiling`, or install isel-twin anew"
+CHOSEN = "ISEL_TWIN_CORE"  # variable with the path of another library
 _PROTOTYPE = re.compile(r"^API ((?:int64_t|double|void) \w+\((?:[^(){;]|\([^()]*\))*\)) *\{", re.MULTILINE)
 _CONSTANT = re.compile(r"(?<=, )[A-Z]+(?=[,)])")  # among the lengths of an array: C knows the number
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
@@ -132,13 +133,16 @@ def build(path: Path | None = None, compiler: list[str] | None = None, extra: tu
                     return path
     except OSError as error:
         raise BuildError(f"{path}: cannot be written ({error.strerror}), and the C has changed or is new") from None
-    raise BuildError(f"{why}; `python -m isel_twin.native.compiling` says more; `pip install ziglang` is a compiler")
+    more = "; CC names this compiler: unset it" if os.environ.get("CC") and not compiler else ""
+    if not more and find_spec("ziglang") is None:
+        more = "; `pip install ziglang` brings another compiler"
+    raise BuildError(f"{why}; `python -m isel_twin.native.compiling` says more{more}")
 
 
 def library(source: Path | None = None) -> Path:
     """The library beside its source; in a checkout whose C has changed it is built anew. ISEL_TWIN_CORE names another
     one for core.c, as it is: one with sanitizers, for example. Raises BuildError."""
-    if source is None and (other := os.environ.get("ISEL_TWIN_CORE")):
+    if source is None and (other := os.environ.get(CHOSEN)):
         return Path(other)
     path, files = (source or HERE / "core.c").with_suffix(suffix()), sources(source)
     if files and (not path.exists() or f"core_source={digest(files)}".encode() not in path.read_bytes()):

@@ -87,7 +87,7 @@ class Core:
         try:
             return self._prototypes[name]
         except KeyError:
-            raise CoreError(f"{self.path}: has no function {name}; {compiling.REMEDY}") from None
+            raise CoreError(f"{self.path}: has no function {name}; {self._remedy}") from None
 
     def load(self) -> None:
         """Load the library now, so that what is wrong with it is said now. Raises CoreError."""
@@ -98,6 +98,11 @@ class Core:
         if name not in self._raw:
             self._raw[name] = self._function(name)
         return self._raw[name]
+
+    @property
+    def _remedy(self) -> str:
+        chosen = self._source is None and os.environ.get(compiling.CHOSEN)
+        return f"{compiling.CHOSEN} names it: unset that" if chosen else compiling.REMEDY
 
     @functools.cached_property
     def path(self) -> Path:
@@ -112,14 +117,14 @@ class Core:
         try:
             found = ctypes.CDLL(str(self.path))
         except OSError as error:
-            raise CoreError(f"{self.path}: cannot be loaded ({error}); {compiling.REMEDY}") from None
+            raise CoreError(f"{self.path}: cannot be loaded ({error}); {self._remedy}") from None
         try:
             ctypes.c_char_p.in_dll(found, "core_prototypes")
             if self._source is None:
                 self.abreast = bool(found["has_avx2"]()) and os.environ.get("ISEL_TWIN_ABREAST") != "0"
                 ctypes.c_int64.in_dll(found, "core_abreast").value = self.abreast
         except (AttributeError, ValueError):  # which __getattr__ must not see
-            raise CoreError(f"{self.path}: is no library of this source; {compiling.REMEDY}") from None
+            raise CoreError(f"{self.path}: is no library of this source; {self._remedy}") from None
         return found
 
     def text(self, name: str) -> str:
@@ -153,7 +158,7 @@ class Core:
     def _check(self, element: str) -> None:
         """Raise CoreError unless a record, and what it points to, is laid out in C as here."""
         if element in RECORDS and self.text(f"layout_{element}") != layout(RECORDS[element]):
-            raise CoreError(f"{self.path}: {element} is another record here; {compiling.REMEDY}")
+            raise CoreError(f"{self.path}: {element} is another record here; {self._remedy}")
         for pointed in set(POINTED.get(element, {}).values()):
             self._check(pointed)
 
